@@ -182,10 +182,14 @@ TEST_F(MachinesFile, WhatIsWrongIsNamed) {
   const std::string good = "[[machine]]\nname = \"a\"\nkind = \"sdcp3\"\naddress = \"h\"\n";
   EXPECT_EQ(read(good).size(), 1);
   const std::pair<const char*, const char*> wrong[] = {
-      {"kind = \"x\"", "sdcp3, sdcp1"},         {"key = \"abcdefgh\"", "key_file"},
-      {"colour = 1", "is no key of a machine"}, {"resolution_px = [1]", "resolution_px"},
-      {"resolution_px = 7", "resolution_px"},   {"format = \".ctb\"", "without a point"},
-      {"id = \"../x\"", "hex digits"},          {"page = \"ftp://x\"", "http://"},
+      {"kind = \"x\"", "sdcp3, sdcp1"},
+      {"key = \"abcdefgh\"", "key_file"},
+      {"colour = 1", "is no key of a machine"},
+      {"resolution_px = [1]", "resolution_px"},
+      {"resolution_px = 7", "machine.resolution_px: "},
+      {"format = \".ctb\"", "without a point"},
+      {"id = \"../x\"", "hex digits"},
+      {"page = \"ftp://x\"", "http://"},
       {"options = [\"a\"]", "bridges only"}};
   for (const auto& [line, expected] : wrong) {
     std::string text = good + line + "\n";

@@ -4,14 +4,18 @@
 /// What gets in the way on the first day with the programs, tried as somebody would who does not know
 /// them yet: a design of another scale, a mesh without units, a name with a slip, a picture of another
 /// kind.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <png.h>
 
+#include <algorithm>
 #include <array>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <set>
+#include <sstream>
 #include <string>
+#include <string_view>
 #include <utility>
 
 #include "ladder.hpp"
@@ -337,6 +341,54 @@ TEST_F(FirstDay, WhatRunLeavesIsLookedAtWithoutNamingItsTarget) {
   good(Command{"slice", "ladder.stl", "-o", "o-target.uvj", "--rotate-deg", "0,0,90"} + kPrinter +
        kLayers);
   bad(2, {"verify", "o.uvj"}, {"o-target.uvj"});
+}
+
+/// Names below "Subcommands:" in a help.
+std::vector<std::string> commands_in(const std::string& help) {
+  std::vector<std::string> names;
+  std::istringstream lines(help.substr(std::min(help.find("Subcommands:"), help.size())));
+  std::string line;
+  std::getline(lines, line);
+  while (std::getline(lines, line) && !line.empty()) {
+    if (line.size() > 2 && line.starts_with("  ") && line[2] != ' ') {
+      names.push_back(line.substr(2, line.find(' ', 2) - 2));
+    }
+  }
+  return names;
+}
+
+/// Each command shows how it is called, and what slicecorr shows is no wrong usage.
+TEST_F(FirstDay, EveryCommandHasAnExampleOfItsOwn) {
+  for (const char* program : {"slicecorr", "resinctl", "slicefarm", "printbridge"}) {
+    std::vector<Command> left{{}};
+    int seen = 0;
+    while (!left.empty()) {
+      const Command at = left.back();
+      left.pop_back();
+      const Command name{std::string(SLICECORR_BIN_DIR) + "/" + program};
+      const std::string help = run_program(name + at + Command{"--help"}, options_).out;
+      const std::vector<std::string> below = commands_in(help);
+      for (const std::string& command : below) left.push_back(at + Command{command});
+      if (at.empty()) continue;
+      ++seen;
+      const std::size_t example = help.find("Example");
+      ASSERT_NE(example, std::string::npos)
+          << program << " " << fmt::format("{}", fmt::join(at, " "));
+      // Of commands that two programs have, the one that most people call.
+      const std::string call = fmt::format(" {}", fmt::join(at, " "));
+      const std::size_t begin = help.find(call, example);
+      ASSERT_NE(begin, std::string::npos) << call << ": " << help.substr(example);
+      if (program != std::string_view("slicecorr") || !below.empty()) continue;
+      std::istringstream words(help.substr(begin, help.find('\n', begin) - begin));
+      Command typed{std::string(SLICECORR_BIN_DIR) + "/slicecorr"};
+      for (std::string word; words >> word;) typed.push_back(word);
+      const RunResult r = run_program(typed, options_);
+      for (const char* wrong : {"is no option", "is no command", " required", " not in {"}) {
+        EXPECT_EQ(r.err.find(wrong), std::string::npos) << r.err;
+      }
+    }
+    EXPECT_GT(seen, 8) << program;
+  }
 }
 
 TEST_F(FirstDay, AThinnedOutSurfaceIsMeasuredWhole) {

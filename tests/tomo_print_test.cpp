@@ -348,9 +348,18 @@ TEST(TomoPrint, ASquareIsPrintedAsDesigned) {
   options.solve.rungs = {0.98, 0.9};
   const Print print = solve_print(part, 0.25, printer, bench_resin(), options);
   const PrintFigures& f = print.figures;
-  EXPECT_TRUE(f.feasible());
+  EXPECT_TRUE(f.feasible()) << f.fault();
   EXPECT_EQ(f.metrics.void_gelled, 0U);
   EXPECT_EQ(f.jaccard_at_dose, 1.0);
+  // The same light for ten times as long: all of the part gels before any void, and void gels.
+  TomoJob longer = print.job;
+  longer.turns *= 10;
+  const PrintFigures over = figures_of(longer, dose_of(longer), part);
+  EXPECT_EQ(over.metrics.void_gelled, 0U);
+  EXPECT_GT(over.metrics.max_void, over.gel_dose_mj_cm3);
+  EXPECT_LT(over.jaccard_at_dose, 1);
+  EXPECT_FALSE(over.feasible());
+  EXPECT_THAT(std::string(over.fault()), HasSubstr("shown for too long"));
   EXPECT_GE(f.metrics.min_gel, f.gel_dose_mj_cm3);
   EXPECT_GE(f.metrics.contrast, 1 / 0.98 * 0.99);
   EXPECT_LE(f.metrics.contrast, f.contrast_bound);

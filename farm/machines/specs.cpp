@@ -226,7 +226,7 @@ void read_tables(const std::string& path, const std::string& text, const char* n
     for (const toml::node& each : *list) {
       const toml::table* t = each.as_table();
       if (!t) throw InputError(path, "", expected);
-      one(TomlTable(*t, path, name));
+      one(TomlTable(*t, path, std::string(name) + "."));
     }
   }
 }

@@ -91,7 +91,7 @@ std::string in_words(const ResultFigures& f) {
                   text::figure(t.ver), text::duration(t.print_time_s));
   if (!t.feasible) {
     text += t.contrast < 1 ? "; misses: void gels before the part does"
-                           : "; misses: some of the part gets less than what gels";
+                           : "; misses: not all of the part gels, or some void does, too";
   }
   return text;
 }

@@ -413,6 +413,7 @@ int main(int argc, char** argv) {
       {"watch", "printbridge watch --printer P"},
       {"report", "printbridge report --printer P -o print.html"},
       {"serve", "printbridge serve --printer P --listen 127.0.0.1:8421"},
+      {"lamp-log", "printbridge lamp-log --printer P -o lamp.csv"},
       {"metrics", "printbridge metrics --printer P -o print.prom"},
       {"pause", "printbridge pause --printer P"},
       {"resume", "printbridge resume --printer P"},

@@ -23,6 +23,7 @@
 #include <limits>
 #include <new>
 #include <optional>
+#include <set>
 #include <sstream>
 #include <system_error>
 
@@ -200,11 +201,18 @@ CLI::App* Program::add_to(CLI::App* group, const std::string& name, const std::s
 }
 
 void Program::examples(const std::vector<std::pair<std::string, std::string>>& lines) {
+  std::set<const CLI::App*> groups;
   for (const auto& [command, line] : lines) {
+    const std::string footer =
+        "Example: " + line + "\nEvery command takes --threads and --quiet.\n" + kFooter;
     CLI::App* sub = &app_;
     std::istringstream names(command);
-    for (std::string name; names >> name;) sub = sub->get_subcommand(name);
-    sub->footer("Example: " + line + "\nEvery command takes --threads and --quiet.\n" + kFooter);
+    for (std::string name; names >> name;) {
+      // A group's is that of the first of its commands.
+      if (sub != &app_ && groups.insert(sub).second) sub->footer(footer);
+      sub = sub->get_subcommand(name);
+    }
+    sub->footer(footer);
   }
 }
 

@@ -162,7 +162,7 @@ int run(const Arguments& a, const ExecutionContext& context, Console& console) {
 
 namespace {
 
-/// Leaves the design of a stack beside it, by which verify, section, report and probe measure.
+/// Leaves the design of a stack beside it, by which verify, section and report measure.
 void leave_target(const SliceSource& slices, const Arguments& a, const std::string& path,
                   const ExecutionContext& context, Console& console) {
   const LayerHeights heights = wanted_heights(a);
@@ -170,8 +170,8 @@ void leave_target(const SliceSource& slices, const Arguments& a, const std::stri
   heights.alike() ? write_target(slices, file, context)
                   : write_target(slices, heights, file, context);
   console.say(fmt::format(
-      "{}: the design as sliced ({}), by which verify, section, report and probe "
-      "measure {}",
+      "{}: the design as sliced ({}), by which verify, section and report measure "
+      "{}",
       path, text::bytes(static_cast<double>(std::filesystem::file_size(path))), a.output));
 }
 

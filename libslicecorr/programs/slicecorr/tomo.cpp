@@ -41,10 +41,7 @@ std::string in_words(const PrintFigures& f) {
       f.gel_dose_mj_cm3, f.jaccard_at_dose, m.best_jaccard, f.turns,
       std::floor(f.print_time_s / 60), std::fmod(f.print_time_s, 60.0), 100 * f.efficiency,
       f.alpha_r);
-  if (!f.feasible()) {
-    text += m.contrast < 1 ? "\nvoid gels before the part does"
-                           : "\nsome of the part gets less than what gels";
-  }
+  if (!f.feasible()) text += fmt::format("\n{}", f.fault());
   if (f.gel_centres_below_dose) {
     text += fmt::format(
         "\nbelow the gel dose: {:.3g} % of the part's voxels by their means, {:.3g} % "

@@ -110,7 +110,7 @@ class RoundView {
     }
   }
 
-  // Arrow keys, plus and minus, buttons with data-turn, dragging and touch: `draw` is called after each.
+  // Arrow keys, plus and minus, buttons (made here, in #turns), dragging and touch: `draw` is called after each.
   listen(draw) {
     const canvas = this.canvas;
     const keys = { ArrowLeft: "left", ArrowRight: "right", ArrowUp: "up", ArrowDown: "down", "+": "in", "=": "in", "-": "out" };
@@ -120,8 +120,15 @@ class RoundView {
       this.turnBy(keys[event.key]);
       draw();
     });
-    for (const button of document.querySelectorAll("[data-turn]")) {
-      button.addEventListener("click", () => { this.turnBy(button.dataset.turn); draw(); });
+    for (const [how, sign, words] of [["left", "←", "turn left"], ["right", "→", "turn right"], ["up", "↑", "turn up"],
+      ["down", "↓", "turn down"], ["in", "+", "nearer"], ["out", "−", "further"]]) {
+      const button = document.createElement("button");
+      button.type = "button";
+      button.dataset.turn = how;
+      button.textContent = sign;
+      button.setAttribute("aria-label", words);
+      button.addEventListener("click", () => { this.turnBy(how); draw(); });
+      document.getElementById("turns").append(button);
     }
     let last = null;
     canvas.addEventListener("pointerdown", (event) => { last = event; canvas.setPointerCapture(event.pointerId); });

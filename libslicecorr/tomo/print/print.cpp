@@ -9,7 +9,6 @@
 #include <array>
 #include <cmath>
 #include <memory>
-#include <nlohmann/json.hpp>
 #include <optional>
 #include <string_view>
 #include <utility>
@@ -22,6 +21,7 @@
 #include "stack/formats/definition_json.hpp"
 #include "tomo/operators/spread_projector.hpp"
 #include "tomo/print/changing_resin.hpp"
+#include "tomo/print/judging.hpp"
 #include "tomo/print/light_goal.hpp"
 #include "tomo/print/voxels.hpp"
 #include "tomo/solve/checkpoint.hpp"
@@ -30,37 +30,6 @@
 namespace slicecorr::tomo {
 
 namespace {
-
-Volume volume_of(const TomoGrid& grid, const Box<std::uint8_t>& part) {
-  Volume volume(grid);
-  for (int z = 0; z < part.nz; ++z) {
-    for (int y = 0; y < part.ny; ++y) {
-      for (int x = 0; x < part.nx; ++x) {
-        volume.coverage[grid.voxel(x, y, z)] = part.values[part.at(z, y, x)];
-      }
-    }
-  }
-  return volume;
-}
-
-/// What is printed and what shades it, and what light does there.
-struct Scene {
-  Target target;
-  std::shared_ptr<const Projector> projector;
-};
-Target target_of(const Bench& bench, const Box<std::uint8_t>& part,
-                 const Box<std::uint8_t>& insert) {
-  const Volume volume = volume_of(bench.grid, part);
-  if (insert.values.empty()) return Target(volume);
-  const Volume opaque = volume_of(bench.grid, insert);
-  return Target(volume, &opaque);
-}
-Scene scene_of(const Bench& bench, const Box<std::uint8_t>& part, const Box<std::uint8_t>& insert) {
-  Target target = target_of(bench, part, insert);
-  if (insert.values.empty()) return {std::move(target), make_projector(bench)};
-  const Volume opaque = volume_of(bench.grid, insert);
-  return {std::move(target), make_projector(bench, &opaque)};
-}
 
 /// Throws for an insert of another grid, or one that reaches over the resin.
 void check_insert(const Box<std::uint8_t>& insert, const Box<std::uint8_t>& part,
@@ -82,15 +51,6 @@ void check_insert(const Box<std::uint8_t>& insert, const Box<std::uint8_t>& part
   }
 }
 
-/// mJ/cm³ that black light leaves in a turn, at most.
-double floor_of_turn(const Bench& bench, const Projector& projector,
-                     const ExecutionContext& context) {
-  const std::vector<std::uint16_t> black(bench.grid.blocks() * bench.grid.light_of_block(), 0);
-  const Field floor = adjoint(projector, context, shown_light(bench, black));
-  return *std::max_element(floor.values.begin(), floor.values.end()) *
-         dose_of_turn(bench.grid, bench.exposure);
-}
-
 detail::Fingerprint fingerprint_of(const Box<std::uint8_t>& part, const Box<std::uint8_t>& insert,
                                    const TomoJob& job, const SolveOptions& options) {
   const auto of_box = [](const Box<std::uint8_t>& box) {
@@ -104,44 +64,6 @@ detail::Fingerprint fingerprint_of(const Box<std::uint8_t>& part, const Box<std:
                   slicecorr::detail::resin_json(job.resin).dump());
   return {of_box(part), of_box(insert), detail::hash_of(machine.data(), machine.size()),
           detail::hash_of(options)};
-}
-
-Field field_of(const TomoGrid& grid, const Box<float>& dose) {
-  Field field(grid);
-  for (int z = 0; z < dose.nz; ++z) {
-    for (int y = 0; y < dose.ny; ++y) {
-      for (int x = 0; x < dose.nx; ++x) {
-        field.values[grid.voxel(x, y, z)] = dose.values[dose.at(z, y, x)];
-      }
-    }
-  }
-  return field;
-}
-
-/// Share of the part that has less than this.
-double below_gel(const Target& target, const Array<float>& dose, double gel_mj_cm3) {
-  std::size_t below = 0;
-  for (std::size_t i = 0; i < target.kinds.size(); ++i) {
-    below += target.kinds[i] == Kind::gel && dose[i] < gel_mj_cm3 ? 1 : 0;
-  }
-  return static_cast<double>(below) / static_cast<double>(target.gel);
-}
-
-PrintFigures judge(const TomoJob& job, const Bench& bench, const Target& target,
-                   const Box<float>& dose, double floor_of_turn_mj_cm3) {
-  const Field field = field_of(bench.grid, dose);
-  PrintFigures f;
-  f.turns = job.turns;
-  f.print_time_s = job.turns * bench.exposure.turn_s;
-  f.gel_dose_mj_cm3 = bench.exposure.critical_mj_cm3;
-  f.metrics = measure(target, field.values);
-  f.jaccard_at_dose = jaccard(target, field.values, f.gel_dose_mj_cm3);
-  f.gel_below_dose = below_gel(target, field.values, f.gel_dose_mj_cm3);
-  f.efficiency = efficiency(shown_light(bench, job.levels));
-  f.alpha_r = bench.alpha_r;
-  f.floor_mj_cm3 =
-      std::max(0.0, floor_of_turn_mj_cm3 * job.turns - bench.resupply_mj_cm3_s * f.print_time_s);
-  return f;
 }
 
 /// Up to so many levels that are used it is tried which way to round them.
@@ -204,11 +126,11 @@ struct Asked {
 /// The part in light of groups of pixels, as it is looked for.
 Asked searched(const Bench& groups, const Box<std::uint8_t>& part, const Box<std::uint8_t>& insert,
                Search search) {
-  Target target = target_of(groups, part, insert);
+  Target target = detail::target_of(groups, part, insert);
   if (insert.values.empty()) {
     return {std::move(target), make_search_projector(groups, search), groups.rays};
   }
-  const Volume opaque = volume_of(groups.grid, insert);
+  const Volume opaque = detail::volume_of(groups.grid, insert);
   return {std::move(target), make_search_projector(groups, search, &opaque), groups.rays};
 }
 
@@ -323,7 +245,7 @@ Evidence evidence_of(const Solution& solution, const Target& target, const Box<s
 Bench check_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer& printer,
                   const Resin& resin, const PrintOptions& options) {
   Bench bench = place_of(part, voxel_mm, printer, resin, options).bench;
-  target_of(bench, part, options.insert);
+  detail::target_of(bench, part, options.insert);
   return bench;
 }
 
@@ -337,7 +259,7 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
   job.resin = resin;
   job.sampling = {voxel_mm, part.nz, bench.grid.angles};
   job.sampling.middle_z_mm = options.middle_z_mm;
-  const Scene scene = scene_of(bench, part, options.insert);
+  const detail::Scene scene = detail::scene_of(bench, part, options.insert);
   const Target& target = scene.target;
   // Light is looked for in groups of pixels, and with operators that are quicker; bounds are proven for
   // that of all pixels, with those that follow their squares.
@@ -535,7 +457,7 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
   // can't be brighter stay as they are.
   job.part = part;
   job.insert = options.insert;
-  const double black = floor_of_turn(bench, *scene.projector, quiet);
+  const double black = detail::floor_of_turn(bench, *scene.projector, quiet);
   double scale = brightest * time.scale;
   PrintFigures figures;
   constexpr int rounds = 24, kTakenBack = 4;
@@ -549,7 +471,7 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
   const auto show = [&](bool carry) {
     job.levels = carry ? carried_levels(light, scale, bench.mw_cm2)
                        : nearest_levels(light, scale, bench.mw_cm2);
-    figures = judge(job, bench, target, dose_of(job, judging), black);
+    figures = detail::judge(job, bench, target, dose_of(job, judging), black);
     ++shown;
   };
   const int turns_limit = turns.never ? turns.count : most_turns;
@@ -604,50 +526,6 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
   print.figures = figures;
   print.figures.contrast_bound = print.job.contrast_bound;
   return print;
-}
-
-PrintFigures figures_of(const TomoJob& job, const Box<float>& dose, const Box<std::uint8_t>& part,
-                        const ExecutionContext& context) {
-  const Bench bench = make_bench(job.printer, job.resin, job.sampling);
-  const Scene scene = scene_of(bench, part, job.insert);
-  return judge(job, bench, scene.target, dose, floor_of_turn(bench, *scene.projector, context));
-}
-
-double share_below_gel(const TomoJob& job, const Box<float>& dose, const Box<std::uint8_t>& part) {
-  const Bench bench = make_bench(job.printer, job.resin, job.sampling);
-  return below_gel(target_of(bench, part, job.insert), field_of(bench.grid, dose).values,
-                   bench.exposure.critical_mj_cm3);
-}
-
-std::string PrintFigures::to_json() const {
-  const auto finite = [](double v) {
-    return std::isfinite(v) ? nlohmann::ordered_json(v) : nlohmann::ordered_json(nullptr);
-  };
-  nlohmann::ordered_json j;
-  j["feasible"] = feasible();
-  j["ver"] = metrics.ver;
-  j["pw"] = metrics.pw;
-  j["trimmed_pw"] = metrics.trimmed_pw;
-  j["ipdr"] = metrics.ipdr;
-  j["jaccard"] = {{"best", metrics.best_jaccard}, {"dose", jaccard_at_dose}};
-  j["contrast"] = finite(metrics.contrast);
-  j["contrast_bound"] = finite(contrast_bound);
-  j["efficiency"] = efficiency;
-  j["turns"] = turns;
-  j["print_time_s"] = print_time_s;
-  j["alpha_r"] = alpha_r;
-  j["gel_voxels"] = metrics.gel;
-  j["void_voxels"] = metrics.empty;
-  j["gel_below_dose"] = {
-      {"centres", gel_centres_below_dose ? nlohmann::ordered_json(*gel_centres_below_dose)
-                                         : nlohmann::ordered_json(nullptr)},
-      {"means", gel_below_dose}};
-  j["dose_mj_cm3"] = {{"to_gel", gel_dose_mj_cm3},
-                      {"min_gel", metrics.min_gel},
-                      {"max_gel", metrics.max_gel},
-                      {"max_void", metrics.max_void},
-                      {"floor", floor_mj_cm3}};
-  return j.dump(2);
 }
 
 }  // namespace slicecorr::tomo

@@ -104,9 +104,7 @@ Markup tiles(const PrintFigures& f) {
   Tiles tiles;
   const bool good = f.feasible();
   tiles.add(good ? "as designed" : "not as designed",
-            good                     ? "all of the part gels, and before any void does"
-            : f.metrics.contrast < 1 ? "some void gels before all of the part does"
-                                     : "some of the part gets less than what gels",
+            good ? "all of the part gels, and no void" : std::string(f.fault()),
             good ? "good" : "bad");
   tiles.add(figure(f.metrics.contrast), "contrast");
   tiles.add(text::count(static_cast<std::int64_t>(f.metrics.void_gelled)),

@@ -63,7 +63,7 @@ struct TomoFigures {
   double ver = 0;             ///< share of voxels that are void and gel with the part, 0..1
   int turns = 0;
   double print_time_s = 0;
-  bool feasible = true;  ///< all of the part gels before any void does
+  bool feasible = true;  ///< all of the part gels, and no void
 };
 
 /// How long a corrected stack prints (`PrintTime` in lift_times.hpp).

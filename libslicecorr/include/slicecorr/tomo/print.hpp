@@ -12,6 +12,7 @@
 #include <limits>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "slicecorr/mesh.hpp"
@@ -84,8 +85,9 @@ struct PrintFigures {
   /// where that was looked for.
   double gel_below_dose = 0;
   std::optional<double> gel_centres_below_dose = std::nullopt;
-  /// All of the part gels before any void does.
-  bool feasible() const { return metrics.contrast >= 1 && metrics.min_gel >= gel_dose_mj_cm3; }
+  /// What is not as designed when the print ends, in words; empty: all of the part has gelled, and no void.
+  std::string_view fault() const;
+  bool feasible() const { return fault().empty(); }
   /// The keys of the contract, as JSON.
   std::string to_json() const;
 };

@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The slicecorr authors
 // SPDX-License-Identifier: Apache-2.0
 
-/// What the help of each subcommand shows as an example.
+/// What the help of each subcommand shows as an example; what prints whole parts brings its own
+/// (whole_parts.hpp), because the demo's program has none of it.
 #pragma once
 
 #include "programs/common/program.hpp"

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <bit>
 #include <filesystem>
+#include <iterator>
 #include <limits>
 #include <utility>
 
@@ -53,11 +54,26 @@ void sort_by(std::vector<Place>& places, const Key& key) {
   places = std::move(sorted);
 }
 
+template <class Place>
+void sort_by_slice(std::vector<Place>& places) {
+  sort_by(places, [](const Place& p) { return p.slice(); });
+}
+
 /// By slice, then by column.
 template <class Place>
 void sort_places(std::vector<Place>& places) {
   sort_by(places, [](const Place& p) { return p.column; });
-  sort_by(places, [](const Place& p) { return p.slice(); });
+  sort_by_slice(places);
+}
+
+/// The same where those of a slice come from the first column to the last, most often.
+template <class Place>
+void sort_told(std::vector<Place>& places) {
+  sort_by_slice(places);
+  const auto back = [](const Place& a, const Place& b) {
+    return a.slice() == b.slice() && b.column < a.column;
+  };
+  if (std::ranges::adjacent_find(places, back) != places.end()) sort_places(places);
 }
 
 /// Groups of neighbouring columns with the same value.
@@ -154,14 +170,13 @@ std::vector<std::uint8_t> VoxelChanges::code(int layers, unsigned kind) {
 
 std::vector<std::uint8_t> MomentChanges::code(int layers, int from) {
   std::vector<std::uint8_t> code;
-  const auto later = std::partition(changes_.begin(), changes_.end(), [&](const Change& c) {
-    return static_cast<int>(c.slice()) < from;
-  });
-  std::vector<Change> coded(later, changes_.end());
-  changes_.erase(later, changes_.end());
+  const auto is_later = [&](const Change& c) { return static_cast<int>(c.slice()) >= from; };
+  std::vector<Change> coded;
+  std::ranges::copy_if(changes_, std::back_inserter(coded), is_later);
+  std::erase_if(changes_, is_later);
   most_ = std::max(kMany, 2 * changes_.size());
   if (coded.empty()) return code;
-  sort_places(coded);
+  sort_told(coded);
   std::vector<Group> groups;
   std::size_t last = 0;  // slice
   for (auto at = coded.begin(); at != coded.end();) {

@@ -92,7 +92,7 @@ std::vector<std::uint8_t> encode_png(const ColourImage& image) {
     filter_row(row, y ? row - bytes : black.data(), bytes, raw.data() + y * (bytes + 1));
   }
   const std::unique_ptr<libdeflate_compressor, decltype(&libdeflate_free_compressor)> compressor(
-      libdeflate_alloc_compressor(7), libdeflate_free_compressor);
+      libdeflate_alloc_compressor(4), libdeflate_free_compressor);
   if (!compressor) throw std::bad_alloc();
   std::vector<std::uint8_t> png;
   detail::PixelCode rgb;

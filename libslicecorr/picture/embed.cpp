@@ -22,7 +22,7 @@ page::Markup captioned_image(const ColourImage& picture, const std::string& word
 
 bool deflate_within(std::size_t most, const Bytes& raw, Bytes& out) {
   const std::unique_ptr<libdeflate_compressor, decltype(&libdeflate_free_compressor)> compressor(
-      libdeflate_alloc_compressor(6), libdeflate_free_compressor);
+      libdeflate_alloc_compressor(4), libdeflate_free_compressor);
   if (!compressor) throw std::bad_alloc();
   out.resize(std::min(most, libdeflate_zlib_compress_bound(compressor.get(), raw.size())));
   out.resize(

@@ -250,7 +250,8 @@ StackCorrection::StackCorrection(const SliceSource& target, const Setup& asked,
   if (setup_.uncertainty) uncertain_.emplace(setup_, plans_.models(), target.bounds());
   detail::set_uv_images(writer_, model(), setup_, grid_);
   bodies_.emplace(bands_, plans_.all_layers(), model(), context);
-  if (with_before_) bodies_before_.emplace(bands_, plans_.layers(), model(), context);
+  // What uncorrected light joins in the end is told beside the correction, not when.
+  if (with_before_) bodies_before_.emplace(bands_, plans_.layers(), model(), context, false);
   if (model().inhibited()) window_.emplace(plans_.models(), plans_.all_layers());
   if (setup_.process.even_light) {
     kept_.emplace(target, detail::judged_slices(*setup_.process.even_light), bands_);
@@ -450,13 +451,16 @@ Correction StackCorrection::result() {
     }
     result.after.uncertain = uncertain_->result(robust);
   }
-  result.after.bodies =
-      bodies_->judge(grid_, target_.frame(), model().heights, setup_.least_neck_mm2);
+  if (with_before_) result.before = of_whole_image(before_, plans_.layers());
+  // Side by side: each follows slice by slice.
+  parallel_for(detail::silent(context_), "", with_before_ ? 2 : 1, [&](std::size_t i) {
+    const detail::PrintedBodies& bodies = i == 0 ? *bodies_ : *bodies_before_;
+    const Grid& grid = i == 0 ? grid_ : target_.grid();
+    (i == 0 ? result.after : *result.before).bodies =
+        bodies.judge(grid, target_.frame(), model().heights, setup_.least_neck_mm2);
+  });
   result.after.maps = std::make_shared<const SurfaceMaps>(surface_after_.maps());
   if (!with_before_) return result;
-  result.before = of_whole_image(before_, plans_.layers());
-  result.before->bodies = bodies_before_->judge(target_.grid(), target_.frame(), model().heights,
-                                                setup_.least_neck_mm2);
   result.before->maps = std::make_shared<const SurfaceMaps>(surface_before_.maps());
   return result;
 }

@@ -18,7 +18,7 @@
 namespace slicecorr::detail {
 
 PrintedBodies::PrintedBodies(const std::vector<PixelBox>& bands, int layers, const CureModel& model,
-                             const ExecutionContext& context)
+                             const ExecutionContext& context, bool in_time)
     : layers_(layers),
       step_(gel_step(model)),
       context_(context),
@@ -26,7 +26,8 @@ PrintedBodies::PrintedBodies(const std::vector<PixelBox>& bands, int layers, con
       printed_(bands.size()),
       designed_other_(bands.size()),
       whole_other_(bands.size()),
-      moments_(bands.size()) {}
+      moments_(bands.size()),
+      in_time_(in_time) {}
 
 PrintedBodies::Band::Band(PrintedBodies& whole, std::size_t index, const PixelBox& box)
     : whole_(whole), index_(index), state_(columns_of(box), 0), changes_(columns_of(box)) {}
@@ -53,13 +54,13 @@ void PrintedBodies::Band::gel(std::size_t column, int slice, int delay) {
 void PrintedBodies::Band::listen(BandPredictor& predictor,
                                  const std::vector<std::uint32_t>* columns) {
   in_groups_ = in_groups_ || columns;
-  const bool in_time = predictor.tell_delays(
-      [this, columns](std::size_t k, int slice, int delay) {
-        gel(columns ? (*columns)[k] : k, slice, delay);
-        return true;
-      },
-      BodyTracker::kLongestDelay);
-  if (!in_time) whole_.in_time_ = false;
+  const auto delays = [this, columns](std::size_t k, int slice, int delay) {
+    gel(columns ? (*columns)[k] : k, slice, delay);
+    return true;
+  };
+  if (whole_.in_time_ && !predictor.tell_delays(delays, BodyTracker::kLongestDelay)) {
+    whole_.in_time_ = false;
+  }
   predictor.tell_states([this, columns](std::size_t k, int slice, std::uint8_t coverage,
                                         bool prints, bool prints_above) {
     const std::size_t column = columns ? (*columns)[k] : k;

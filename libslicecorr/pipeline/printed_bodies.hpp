@@ -22,8 +22,9 @@ namespace slicecorr::detail {
 class PrintedBodies {
  public:
   /// `layers`: of the part and of what is shown, whichever is more.
+  /// `in_time`: whether to follow when voxels gel.
   PrintedBodies(const std::vector<PixelBox>& bands, int layers, const CureModel& model,
-                const ExecutionContext& context);
+                const ExecutionContext& context, bool in_time = true);
 
   /// Gathers one band; for one thread.
   class Band {
@@ -66,7 +67,7 @@ class PrintedBodies {
   /// By band: of what prints, and of where what is designed, and what is covered whole, is otherwise.
   KeptVoxels::Stream printed_, designed_other_, whole_other_;
   KeptVoxels::Stream moments_;       ///< of the printed voxels
-  std::atomic<bool> in_time_{true};  ///< moments are known, so far
+  std::atomic<bool> in_time_;        ///< moments are known, so far
 };
 
 /// Tells what of a print hangs on nothing and what it traps. Throws `InfeasibleError` where something

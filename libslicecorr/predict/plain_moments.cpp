@@ -20,68 +20,79 @@ PlainMoments::PlainMoments(const CureModel& model, const PixelCurve& curve, std:
       step_(gel_step(model)),
       least_(1.0 - kSameDose - beyond_reach),
       blocks_((columns + kLanes - 1) / kLanes) {
-  while (ring_ < static_cast<std::size_t>(longest) + 1) ring_ *= 2;
-  pixels_.resize(blocks_.size() * ring_ * kLanes);
+  while (static_cast<int>(ring_) < longest / step_ + 2) ring_ *= 2;
+  after_steps_.resize(blocks_.size() * ring_ * kLanes);
   for (double left = 1.0; left > 1e-18; left *= model.a) faded_.push_back(left);
 }
 
-LaneMask PlainMoments::take(std::size_t block, int slice, const std::uint8_t* pixels,
-                            std::size_t lanes) {
-  std::uint8_t* const now = row(block, slice);
+LaneMask PlainMoments::take(Block& b, int slice, const std::uint8_t* pixels, std::size_t lanes) {
+  std::uint8_t now[kLanes] = {};
   std::copy_n(pixels, lanes, now);
-  Block& b = blocks_[block];
+  LaneMask changed = ~LaneMask{0} >> (kLanes - lanes);
   if (b.last < 0) {
     b.last = slice;
     b.node = slice + 1;
-    return ~LaneMask{0} >> (kLanes - lanes);
+  } else {
+    changed = differing(now, b.pixels);
   }
-  return differing(now, row(block, slice + 1));
+  if (changed != 0) std::copy_n(now, kLanes, b.pixels);
+  return changed;
+}
+
+void PlainMoments::go_down_to(std::size_t block, int slice) {
+  Block& b = blocks_[block];
+  const int passed = b.node - slice - 1;
+  const auto down = [&](int slices, double* to) {
+    // Slices that were not looked at show what the last of them does.
+    const double left = faded(slices);
+    for (std::size_t i = 0; i < kLanes; ++i) {
+      to[i] = b.light[i] + (b.dose[i] - b.light[i]) * left;
+    }
+  };
+  const int highest = std::min(b.node - 1, end_of_step(slice + longest_, step_));
+  for (int n = end_of_step(slice, step_); n <= highest; n += step_) {
+    double* const after = after_step(block, n / step_);
+    if (n + 1 == b.node) {
+      copy_lanes(b.dose, after);
+    } else {
+      down(b.node - n - 1, after);
+    }
+  }
+  if (passed == 0) return;
+  down(passed, b.dose);
+  b.known = 0;
 }
 
 int PlainMoments::look(std::size_t block, std::size_t lane, int slice, double beyond) {
   Block& b = blocks_[block];
-  const auto light = [&](int n) { return curve_[row(block, n)[lane]]; };
-  /// The dose at the far node of slice n, of what comes after it.
-  struct After {
-    int n;
-    double dose;
+  const auto left = [&](int step) {
+    const int end = end_of_step(step * step_, step_);
+    return end >= b.last ? 0.0 : faded(end - slice) * after_step(block, step)[lane];
   };
-  const auto one_less = [&](const After& at) {
-    return After{at.n - 1, model_.one_minus_a * light(at.n) + model_.a * at.dose};
-  };
-  const auto one_more = [&](const After& at) {
-    const double dose = (at.dose - model_.one_minus_a * light(at.n + 1)) / model_.a;
-    return After{at.n + 1, std::max(0.0, dose)};
-  };
-  const auto left = [&](const After& at) { return faded(at.n - slice) * at.dose; };
-  After at{b.waits_for[lane], b.later[lane]};
-  if (!(b.known >> lane & 1) || at.n < slice || at.n - slice > longest_) {
-    // At the node above: what the block's dose was before this slice.
-    at = one_more({slice - 1, b.dose[lane]});
-  }
-  const int past = std::min(b.last, slice + longest_);
-  if (left(at) <= beyond) {
-    while (at.n > slice) {
-      const After before = one_less(at);
-      if (left(before) > beyond) break;
-      at = before;
-    }
+  const int lowest = slice / step_, highest = std::min(b.last, slice + longest_) / step_;
+  int step = std::clamp(b.waits_for[lane], lowest, highest);
+  if (left(step) <= beyond) {
+    while (step > lowest && left(step - 1) <= beyond) --step;
   } else {
-    while (at.n < past && left(at) > beyond) at = one_more(at);
+    while (step < highest && left(step) > beyond) ++step;
   }
-  b.waits_for[lane] = at.n;
-  b.later[lane] = at.dose;
-  b.left[lane] = 0;
-  b.before[lane] = 0;
+  b.waits_for[lane] = step;
+  b.left[lane] = b.before[lane] = 0;
   // What gels at last, by less than what doses are compared to.
-  if (at.n == past && left(at) > beyond) return longest_;
-  if (b.since[lane] >= at.n) return at.n - slice;  // by light that has been the same
-  const int end = end_of_step(at.n, step_);
-  After later = at, before = at;
-  while (later.n < std::min(end, past)) later = one_more(later);
-  if (later.n == end) b.left[lane] = left(later);
-  while (before.n > std::max(end - step_, slice)) before = one_less(before);
-  if (before.n == end - step_) b.before[lane] = left(before);
+  if (step == highest && left(step) > beyond) return longest_;
+  const int first = step * step_, end = end_of_step(first, step_);
+  if (int n = std::min(end, b.last); b.since[lane] >= n) {
+    // By light that has been the same: layers below wait as long.
+    const double added = model_.one_minus_a * b.light[lane];
+    double dose = n == b.last ? 0.0 : after_step(block, step)[lane];
+    for (; n > std::max(first, slice); --n) {
+      dose = added + model_.a * dose;
+      if (faded(n - 1 - slice) * dose > beyond) break;
+    }
+    return n - slice;
+  }
+  b.left[lane] = left(step);
+  if (step > lowest) b.before[lane] = left(step - 1);
   return -1 - end;
 }
 
@@ -89,18 +100,10 @@ void PlainMoments::add_block(std::size_t block, int slice, LaneMask changed, con
   Block& b = blocks_[block];
   b.active |= changed;
   if (b.active == 0) return;
-  if (const int passed = b.node - slice - 1; passed > 0) {
-    // Slices that were not looked at show what the last of them does.
-    const double left = faded(passed);
-    for (std::size_t i = 0; i < kLanes; ++i) {
-      b.dose[i] = b.light[i] + (b.dose[i] - b.light[i]) * left;
-    }
-    b.known = 0;
-  }
-  const std::uint8_t* const now = row(block, slice);
+  go_down_to(block, slice);
   for (LaneMask m = changed; m; m &= m - 1) {
     const auto i = static_cast<std::size_t>(std::countr_zero(m));
-    b.light[i] = curve_[now[i]];
+    b.light[i] = curve_[b.pixels[i]];
     b.since[i] = slice;
   }
   b.node = slice;
@@ -115,23 +118,23 @@ void PlainMoments::add_block(std::size_t block, int slice, LaneMask changed, con
   // What never gels needs no moment; with the same light the slices before it do not either where that
   // light alone would not do.
   const LaneMask own = b.active & (is.own | ~is.may_gel);
-  for (LaneMask m = own & ~b.told_own; m; m &= m - 1) {
-    tell(static_cast<std::size_t>(std::countr_zero(m)), 0);
-  }
   const LaneMask goes_on = b.active & ~own & b.at_once & b.known & is.as_before;
   const LaneMask looked = b.active & ~own & ~goes_on;
   b.active &= ~(own & (is.may_gel | ~is.bright));
-  b.told_own |= own;
   b.at_once &= ~own;
-  for (LaneMask m = looked; m; m &= m - 1) {
+  for (LaneMask m = looked | (own & ~b.told_own); m; m &= m - 1) {
     const auto i = static_cast<std::size_t>(std::countr_zero(m));
-    const int value = look(block, i, slice, beyond[i]);
     const LaneMask lane = LaneMask{1} << i;
+    if (own & lane) {
+      tell(i, 0);
+      continue;
+    }
+    const int value = look(block, i, slice, beyond[i]);
     tell(i, value);
-    b.told_own &= ~lane;
     b.at_once = value < 0 ? b.at_once | lane : b.at_once & ~lane;
     if (value >= 0 && value < longest_ && b.since[i] - slice >= value) b.active &= ~lane;
   }
+  b.told_own = (b.told_own | own) & ~looked;
   b.known = goes_on | looked;
 }
 
@@ -140,7 +143,8 @@ void PlainMoments::add_slice(int slice, std::size_t first, std::size_t columns,
   if (!pixels || !wanted_) return;
   for (std::size_t begin = 0; begin < columns; begin += kLanes) {
     const std::size_t block = (first + begin) / kLanes;
-    const LaneMask changed = take(block, slice, pixels + begin, std::min(kLanes, columns - begin));
+    const LaneMask changed =
+        take(blocks_[block], slice, pixels + begin, std::min(kLanes, columns - begin));
     add_block(block, slice, changed, sink);
   }
 }

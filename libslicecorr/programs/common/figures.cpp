@@ -111,16 +111,21 @@ std::string figures_table(const std::vector<Figures>& columns) {
   line("column gaps merged",
        [](const Prediction& p) { return fmt::format("{} of {}", p.merged_features, p.gaps); });
   line("one-slice gaps", [](const Prediction& p) { return fmt::format("{}", p.one_slice_gaps); });
-  const auto bodies = [&](const char* name, std::uint64_t Bodies::*count) {
+  const auto bodies = [&](const char* name, std::uint64_t Bodies::*count, bool timed = false) {
     const bool any = std::any_of(columns.begin(), columns.end(), [&](const Figures& f) {
       return f.prediction->bodies && f.prediction->bodies->printed.*count > 0;
     });
     if (!any) return;
     line(name, [&](const Prediction& p) {
-      return p.bodies ? fmt::format("{}", p.bodies->printed.*count) : std::string("-");
+      const bool told = p.bodies && (p.bodies->printed.in_time || !timed);
+      return told ? fmt::format("{}", p.bodies->printed.*count) : std::string("-");
     });
   };
-  bodies("bodies that begin hanging on nothing", &Bodies::islands_in_all);
+  // Where it is known of one print when it gels, what another one looks like without is no comparison.
+  const bool in_time = std::any_of(columns.begin(), columns.end(), [](const Figures& f) {
+    return f.prediction->bodies && f.prediction->bodies->printed.in_time;
+  });
+  bodies("bodies that begin hanging on nothing", &Bodies::islands_in_all, in_time);
   bodies("loose bodies", &Bodies::loose_bodies);
   bodies("sealed cavities", &Bodies::sealed_in_all);
   bodies("cups", &Bodies::cups_in_all);

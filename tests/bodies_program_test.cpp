@@ -19,6 +19,7 @@ namespace slicecorr::test {
 namespace {
 
 using nlohmann::json;
+using testing::ContainsRegex;
 using testing::HasSubstr;
 using testing::Not;
 
@@ -72,7 +73,11 @@ TEST_F(BodiesProgram, ACubeThatFloatsIsToldEverywhere) {
   EXPECT_THAT(run.err, HasSubstr("1 body hangs on nothing when it begins: from 3000 um on"));
   EXPECT_THAT(run.err, HasSubstr("never joined"));
   EXPECT_THAT(run.err, HasSubstr("loose bodies"));
+  // When what uncorrected light prints hangs on nothing is not followed: the column has a dash.
+  EXPECT_THAT(run.err, ContainsRegex("begin hanging on nothing +- +1\n"));
   const json f = read("f.json");
+  EXPECT_TRUE(f["in_time"]);
+  EXPECT_FALSE(f["uncorrected"]["in_time"]);
   EXPECT_EQ(f["loose_bodies"], 1);
   ASSERT_EQ(f["islands"].size(), 1U);
   const json& island = f["islands"][0];

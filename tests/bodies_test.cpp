@@ -18,6 +18,7 @@
 #include <tuple>
 #include <vector>
 
+#include "bodies/kept_voxels.hpp"
 #include "bodies_grid.hpp"
 #include "memory_slices.hpp"
 #include "models.hpp"
@@ -280,11 +281,11 @@ void expect_same(const Bodies& b, const Expected& e) {
 Expected expected_of(const MemorySlices& slices) { return expected_of(Flood(slices)); }
 
 /// Voxels lit with a probability; patches that stay from slice to slice with another.
-MemorySlices random_slices(std::mt19937& random) {
+MemorySlices random_slices(std::mt19937& random, int most_x = 9, int most_layers = 8) {
   const auto number = [&](int least, int most) {
     return std::uniform_int_distribution<int>(least, most)(random);
   };
-  MemorySlices slices(grid_of(number(1, 9), number(1, 7), number(1, 8)));
+  MemorySlices slices(grid_of(number(1, most_x), number(1, 7), number(1, most_layers)));
   const Grid& g = slices.grid();
   const int density = number(10, 95), stays = number(0, 90);
   for (int n = 0; n < g.layers; ++n) {
@@ -407,7 +408,8 @@ TEST(Bodies, InTimeAreThoseOfAFloodFillAtEveryMoment) {
     const int step = 1 << random() % 3;
     const MemorySlices looked = in_steps(delays, step);
     const Expected expected = expected_of(Flood(slices, looked));
-    const BodyAsk ask{true, 0, step};
+    BodyAsk ask{true, 0, step};
+    ask.strip_rows = static_cast<int>(random() % 4);
     BodyTracker whole({0, 0, g.width_px, g.height_px}, g, slices.frame(), ask),
         by_changes({0, 0, g.width_px, g.height_px}, g, slices.frame(), ask);
     const auto runs_of = [&](auto delay_at) {
@@ -466,6 +468,59 @@ TEST(Bodies, InTimeAreThoseOfAFloodFillAtEveryMoment) {
   EXPECT_GT(islands, 1000U);
   EXPECT_GT(joined, 200U);
   EXPECT_GT(late, 200U);  // rounds in which delays matter
+}
+
+/// What is kept of bands, as predictions tell it, which may be as low as a row.
+Bodies kept(const MemorySlices& slices, const MemorySlices& delays, int step,
+            std::mt19937& random) {
+  const Grid& g = slices.grid();
+  std::vector<PixelBox> bands;
+  for (int y = 0; y < g.height_px;) {
+    const int end = std::min(g.height_px, y + 1 + static_cast<int>(random() % 3));
+    bands.push_back({0, y, g.width_px, end});
+    y = end;
+  }
+  const ExecutionContext context;
+  detail::KeptVoxels voxels(bands, g.layers, context);
+  detail::KeptVoxels::Stream changes, moments;
+  for (const PixelBox& band : bands) {
+    const auto columns = static_cast<std::size_t>(g.width_px * band.height());
+    detail::VoxelChanges flips(columns);
+    detail::MomentChanges told;
+    for (std::size_t column = 0; column < columns; ++column) {
+      const int x = static_cast<int>(column) % g.width_px;
+      const int y = band.y0 + static_cast<int>(column) / g.width_px;
+      bool before = false;
+      for (int n = 0; n < g.layers; ++n) {
+        const bool now = slices.at(n, x, y) >= 128;
+        if (now != before) flips.flip(n, column);
+        if (now) told.add(n, column, delays.at(n, x, y), random() % 2 == 0);
+        before = now;
+      }
+    }
+    changes.push_back(voxels.keep(flips.code(g.layers)));
+    moments.push_back(voxels.keep(told.code(g.layers), true));
+  }
+  return voxels.follow({changes, nullptr, &moments}, g, slices.frame(), {true, 0, step});
+}
+
+TEST(Bodies, OfKeptBandsAreThoseOfAFloodFillAtEveryMoment) {
+  std::mt19937 random(63);
+  std::uint64_t islands = 0, bands = 0;
+  for (int round = 0; round < rounds(150); ++round) {
+    SCOPED_TRACE(round);
+    const MemorySlices slices = random_slices(random, 3, 75);
+    const MemorySlices delays = random_delays(slices, random);
+    const int step = 1 << random() % 3;
+    const Expected expected = expected_of(Flood(slices, in_steps(delays, step)));
+    if (std::max(expected.islands.size(), expected.cups.size()) > Bodies::kMost) continue;
+    expect_same(kept(slices, delays, step, random), expected);
+    if (HasFailure()) return;
+    islands += expected.islands.size();
+    bands += slices.grid().height_px > 3;
+  }
+  EXPECT_GT(islands, 1000U);
+  EXPECT_GT(bands, 20U);  // rounds in which there are more than one
 }
 
 TEST(Bodies, TheSameForAnyNumberOfThreads) {

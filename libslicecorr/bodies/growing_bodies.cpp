@@ -25,37 +25,30 @@ bool older(const GrowingBody& a, const GrowingBody& b) {
 
 }  // namespace
 
-GrowingBodies::Label GrowingBodies::add_label(int begins, bool anchored) {
+GrowingBodies::Label GrowingBodies::begin(const FirstVoxel& low, bool anchored) {
   const auto label = static_cast<Label>(parent_.size());
   parent_.push_back(label);
-  body_of_.push_back(kNoBody);
-  born_.push_back({begins, anchored});
+  if (free_.empty()) {
+    body_of_.push_back(static_cast<std::uint32_t>(bodies_.size()));
+    bodies_.emplace_back();
+  } else {
+    body_of_.push_back(free_.back());
+    free_.pop_back();
+    body(label) = {};
+  }
+  GrowingBody& made = body(label);
+  made.first = made.counted = slice_;
+  made.low = low;
+  made.anchored = anchored;
+  made.touched = slice_;
+  touched_.push_back(label);
   return label;
 }
 
-void GrowingBodies::begin(Label label, const FirstVoxel& low) {
-  label = root(label);
-  std::uint32_t& at = body_of_[label];
-  if (at != kNoBody) {
-    if (anchored(label)) return;
-    GrowingBody& known = change(label);
-    known.joined_low = std::min(known.joined_low, low);
-    return;
-  }
-  if (free_.empty()) {
-    at = static_cast<std::uint32_t>(bodies_.size());
-    bodies_.emplace_back();
-  } else {
-    at = free_.back();
-    free_.pop_back();
-    bodies_[at] = {};
-  }
-  GrowingBody& made = bodies_[at];
-  made.first = made.counted = slice_;
-  made.low = low;
-  made.anchored = anchored(label);
-  made.touched = slice_;
-  touched_.push_back(label);
+void GrowingBodies::lower(Label label, const FirstVoxel& low) {
+  if (anchored(label)) return;
+  GrowingBody& known = change(root(label));
+  known.joined_low = std::min(known.joined_low, low);
 }
 
 void GrowingBodies::count(GrowingBody& b) const {
@@ -114,24 +107,6 @@ GrowingBodies::Label GrowingBodies::unite(Label a, Label b) {
   parent_[b] = a;
   free_.push_back(body_of_[b]);
   return a;
-}
-
-bool GrowingBodies::unite_early(Label a, Label b, int slice) {
-  if (born_[b].slice < born_[a].slice) std::swap(a, b);
-  Born& first = born_[a];
-  const Born later = born_[b];
-  // What hangs on the same all hangs on is told nothing of, whenever it joins.
-  if (!first.anchored || !later.anchored) {
-    if (later.slice != slice) return false;
-    // An island that was there before ends.
-    if (later.anchored && first.slice < slice) return false;
-    first.anchored = first.anchored || later.anchored;
-  } else if (body_of_[b] != kNoBody) {
-    unite(a, b);
-    return true;
-  }
-  parent_[b] = a;
-  return true;
 }
 
 void GrowingBodies::end(Label label, bool no_slice_left) {

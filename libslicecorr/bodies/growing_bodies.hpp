@@ -67,12 +67,10 @@ class GrowingBodies {
   /// `listener` must outlive this.
   explicit GrowingBodies(BodyListener& listener) : listener_(listener) {}
 
-  /// A label that stands for no body yet: one is to begin with it in slice `begins`, the one at hand or a
-  /// later one.
-  Label add_label(int begins, bool anchored);
-  /// A body begins with this label, in the slice at hand; nothing of it is counted yet. Where the label has
-  /// been united with that of a body that is there, this body is as low from now on.
-  void begin(Label label, const FirstVoxel& low);
+  /// A body begins in the slice at hand; nothing of it is counted yet. Gives its label.
+  Label begin(const FirstVoxel& low, bool anchored);
+  /// A body is as low as this, too, from the slice at hand on.
+  void lower(Label label, const FirstVoxel& low);
   Label root(Label label) {
     while (parent_[label] != label) {
       parent_[label] = parent_[parent_[label]];
@@ -80,9 +78,8 @@ class GrowingBodies {
     }
     return label;
   }
-  /// Whether all that has this label hangs on what all hangs on as soon as it is there: of such a body no
-  /// sums are asked for.
-  bool anchored(Label root) const { return born_[root].anchored; }
+  /// Whether the body hangs on what all hangs on: of such a body no sums are asked for.
+  bool anchored(Label label) { return body(root(label)).anchored; }
   /// Labels that are known.
   std::size_t size() const { return parent_.size(); }
   /// Each slice from now on has so many of this patch more of the body, or less.
@@ -91,9 +88,6 @@ class GrowingBodies {
   void add(Label label, const Patch& patch, int slices);
   /// Gives the label of both.
   Label unite(Label a, Label b);
-  /// The same of two roots that join in `slice`, the one at hand or a later one, if that may be done before
-  /// it comes: what begins in the slice in which it joins another is never a body of its own.
-  bool unite_early(Label a, Label b, int slice);
   int slice() const { return slice_; }  ///< the one at hand
   /// Ends it. `empty_ends`: bodies without voxels in it end with it, whose labels are used no more.
   void end_slice(bool empty_ends);
@@ -106,13 +100,11 @@ class GrowingBodies {
   void renumber(const Each& each) {
     std::vector<Label> to(parent_.size(), kNone);
     std::vector<std::uint32_t> body_of;
-    std::vector<Born> born;
     each([&](Label& label) {
       const Label r = root(label);
       if (to[r] == kNone) {
         to[r] = static_cast<Label>(body_of.size());
         body_of.push_back(body_of_[r]);
-        born.push_back(born_[r]);
       }
       label = to[r];
     });
@@ -122,17 +114,12 @@ class GrowingBodies {
     parent_.resize(body_of.size());
     for (std::size_t i = 0; i < parent_.size(); ++i) parent_[i] = static_cast<Label>(i);
     body_of_ = std::move(body_of);
-    born_ = std::move(born);
   }
   /// There is no slice any more: all bodies end.
   void finish();
 
  private:
   static constexpr std::uint32_t kNoBody = 0xFFFFFFFF;
-  struct Born {
-    std::int32_t slice;  ///< in which a body begins with the label
-    bool anchored;
-  };
   GrowingBody& body(Label root) { return bodies_[body_of_[root]]; }
   /// Brings the sums up to the slice at hand, in which something changes.
   GrowingBody& change(Label label);
@@ -142,9 +129,7 @@ class GrowingBodies {
   BodyListener& listener_;
   int slice_ = 0;
   std::vector<Label> parent_;
-  std::vector<std::uint32_t>
-      body_of_;             ///< of labels that are roots; kNoBody: has not begun, or ended
-  std::vector<Born> born_;  ///< of labels that are roots
+  std::vector<std::uint32_t> body_of_;  ///< of labels that are roots; kNoBody: it has ended
   std::vector<GrowingBody> bodies_;
   std::vector<std::uint32_t> free_;  ///< bodies that are none any more
   std::vector<Label> touched_;

@@ -12,8 +12,7 @@ JoinedRows::JoinedRows(int rows, int first, int past, BodyListener& listener)
       rows_(static_cast<std::size_t>(rows)),
       changed_(rows) {
   // Outside is there before the first slice.
-  const Label anchor = bodies_.add_label(0, true);
-  bodies_.begin(anchor, {0, 0, first});
+  const Label anchor = bodies_.begin({0, 0, first}, true);
   for (int y = 0; y < rows; ++y) {
     rows_[static_cast<std::size_t>(y)].push_back({first, past, anchor});
     enter({first, past, anchor}, y);
@@ -42,8 +41,7 @@ void JoinedRows::set_row(int y, std::span<const Run> runs) {
       ++at;
     } else {
       if (made.label == kNone) {
-        made.label = bodies_.add_label(bodies_.slice(), false);
-        bodies_.begin(made.label, {bodies_.slice(), y, run.begin});
+        made.label = bodies_.begin({bodies_.slice(), y, run.begin}, false);
       }
       enter(made, y);
     }

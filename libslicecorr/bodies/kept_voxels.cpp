@@ -11,6 +11,10 @@
 #include <utility>
 
 #include "base/byte_bits.hpp"
+#include "bodies/body_listeners.hpp"
+#include "bodies/solid_strips.hpp"
+#include "bodies/timed_rows.hpp"
+#include "parallel/silent.hpp"
 #include "support/numbers/release.hpp"
 
 namespace slicecorr::detail {
@@ -20,6 +24,10 @@ namespace {
 constexpr std::size_t kMemory = std::size_t{32} << 20;
 /// Codes are kept in pieces of about this size, which end where a slice does.
 constexpr std::size_t kPiece = std::size_t{4} << 10;
+
+/// So many slices of a strip are followed before those of others must have been, too.
+constexpr int kSlicesAtOnce = 32;
+constexpr std::size_t kMostStrips = 16;
 
 /// Bytes of a number at most.
 constexpr std::size_t kNumberBytes = 10;
@@ -205,8 +213,9 @@ class KeptVoxels::Reader {
   }
   /// The slice whose changes come next, or kNoSlice.
   int slice() const { return slice_; }
-  /// Tells these.
-  void tell(BodyTracker& tracker) {
+  /// Tells these: to `BodyTracker`, or as it is told.
+  template <class Tracker>
+  void tell(Tracker& tracker) {
     const std::uint8_t* at = piece_.data() + at_;
     std::uint64_t column = 0;
     const auto width = static_cast<std::uint64_t>(box_.width());
@@ -294,36 +303,101 @@ KeptVoxels::Pieces KeptVoxels::keep(const std::vector<std::uint8_t>& code, bool 
   return pieces;
 }
 
+/// Reads what some bands hold, slice by slice.
+class KeptVoxels::SliceReader {
+ public:
+  SliceReader(const KeptVoxels& kept, const Followed& what, std::size_t first, std::size_t past) {
+    for (std::size_t i = first; i < past; ++i) {
+      const auto read = [&](const Stream& stream, bool valued) {
+        if (!stream[i].empty()) readers_.emplace_back(kept, stream[i], kept.bands_[i], valued);
+      };
+      read(what.changes, false);
+      if (what.more) read(*what.more, false);
+      if (what.moments) read(*what.moments, true);
+    }
+  }
+  /// Tells the slices before `past`; `end(more)` ends one, and `more` after it that are like it.
+  template <class Tracker, class End>
+  void read_until(int past, Tracker& tracker, const End& end) {
+    for (;;) {
+      int next = Reader::kNoSlice;
+      for (const Reader& r : readers_) next = std::min(next, r.slice());
+      const int stop = std::min(next, past);
+      if (stop > at_hand_) end(stop - at_hand_ - 1);
+      at_hand_ = std::max(at_hand_, stop);
+      if (next >= past) return;
+      for (Reader& r : readers_) {
+        if (r.slice() == next) r.tell(tracker);
+      }
+    }
+  }
+
+ private:
+  int at_hand_ = 0;
+  std::vector<Reader> readers_;
+};
+
 Bodies KeptVoxels::follow(const Followed& what, const Grid& grid, const ImageFrame& frame,
                           const BodyAsk& ask) const {
   PixelBox box;
   for (const PixelBox& band : bands_) box = box.united(band);
-  BodyTracker tracker(box, grid, frame, ask);
-  if (layers_ <= 0 || box.empty()) return tracker.finish();
-  std::vector<Reader> readers;
-  readers.reserve(bands_.size());
-  for (std::size_t i = 0; i < bands_.size(); ++i) {
-    const auto read = [&](const Stream& stream, bool valued) {
-      if (!stream[i].empty()) readers.emplace_back(*this, stream[i], bands_[i], valued);
-    };
-    read(what.changes, false);
-    if (what.more) read(*what.more, false);
-    if (what.moments) read(*what.moments, true);
-  }
-  for (int at_hand = 0;;) {
-    int next = Reader::kNoSlice;
-    for (const Reader& r : readers) next = std::min(next, r.slice());
-    if (next == Reader::kNoSlice) {
-      tracker.end_slice(layers_ - 1 - at_hand);
-      return tracker.finish();
+  // What is not solid, and necks: slice by slice, beside what is.
+  BodyAsk asked = ask;
+  asked.solids = false;
+  BodyTracker tracker(box, grid, frame, asked);
+  const bool any = layers_ > 0 && !box.empty();
+  const bool others = ask.voids || ask.least_neck_mm2 > 0;
+  SolidListener listener(Origin{box.x0, box.y0}, ask.time_step);
+  parallel_for(silent(context_), "", any ? 2 : 0, [&](std::size_t i) {
+    if (i == 0) {
+      follow_solids(what, box, ask.time_step, listener);
+    } else if (others) {
+      SliceReader reader(*this, {what.changes, what.more}, 0, bands_.size());
+      for (int past = 0; past < layers_;) {
+        context_.check_cancelled();
+        past = std::min(past + kSlicesAtOnce, layers_);
+        reader.read_until(past, tracker, [&](int more) { tracker.end_slice(more); });
+      }
     }
-    if (next > at_hand) tracker.end_slice(next - at_hand - 1);
-    at_hand = next;
-    context_.check_cancelled();
-    for (Reader& r : readers) {
-      if (r.slice() == next) r.tell(tracker);
-    }
+  });
+  Bodies found = tracker.finish();
+  listener.put(found);
+  for (Island& island : found.islands) {
+    island.x += box.x0;
+    island.y += box.y0;
   }
+  return found;
+}
+
+void KeptVoxels::follow_solids(const Followed& what, const PixelBox& box, int step,
+                               SolidListener& listener) const {
+  // Strips of whole bands, from the top down.
+  const std::size_t each = (bands_.size() + kMostStrips - 1) / kMostStrips;
+  std::vector<int> ends;
+  std::vector<TimedRows> rows;
+  std::vector<SliceReader> readers;
+  for (std::size_t first = 0; first < bands_.size(); first += each) {
+    const std::size_t past = std::min(first + each, bands_.size());
+    ends.push_back(bands_[past - 1].y1 - box.y0);
+    rows.emplace_back(PixelBox{box.x0, bands_[first].y0, box.x1, bands_[past - 1].y1});
+    readers.emplace_back(*this, what, first, past);
+  }
+  SolidStrips strips(ends, step, listener);
+  for (int past = 0; past < layers_;) {
+    past = std::min(past + kSlicesAtOnce, layers_);
+    parallel_for(silent(context_), "", strips.size(), [&](std::size_t i) {
+      SolidRows& strip = strips.strip(i);
+      readers[i].read_until(past, rows[i], [&](int more) {
+        rows[i].end_slice(more, [&](int row, std::span<const SolidRows::Change> changes, bool) {
+          strip.change_row(row, changes);
+        });
+        strip.end_slice(more);
+      });
+    });
+    strips.pass(past);
+  }
+  if (step > 1) listener.set_slices(layers_);
+  strips.finish();
 }
 
 }  // namespace slicecorr::detail

@@ -83,7 +83,9 @@ class MomentChanges {
   std::size_t most_ = kMany;
 };
 
-/// Takes codes of bands on any thread. What is more than some memory waits in a file without a name in
+class SolidListener;
+
+/// Takes codes of bands, which lie below each other, on any thread. What is more than some memory waits in a file without a name in
 /// the folder for temporary files.
 class KeptVoxels {
  public:
@@ -106,6 +108,9 @@ class KeptVoxels {
 
  private:
   class Reader;
+  class SliceReader;
+  void follow_solids(const Followed& what, const PixelBox& box, int step,
+                     SolidListener& listener) const;
   const std::vector<PixelBox> bands_;
   const int layers_;
   const ExecutionContext context_;

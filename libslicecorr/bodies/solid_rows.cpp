@@ -10,29 +10,28 @@
 
 namespace slicecorr::detail {
 
-SolidRows::SolidRows(int rows, int step, BodyListener& listener)
-    : step_(step), bodies_(listener), rows_(static_cast<std::size_t>(rows)), buckets_(1) {}
+SolidRows::SolidRows(int first, int rows, int step)
+    : first_(first), step_(step), rows_(static_cast<std::size_t>(rows)), buckets_(1) {}
 
 SolidRows::Bucket& SolidRows::of_step(int step) {
-  const int now = bodies_.slice();
-  const auto ahead = static_cast<std::size_t>(std::max(step, now) - now);
+  const auto ahead = static_cast<std::size_t>(std::max(step, now_) - now_);
   if (ahead >= buckets_.size()) {
     std::vector<Bucket> more(std::bit_ceil(ahead + 1));
     for (std::size_t k = 0; k < buckets_.size(); ++k) {
-      const auto its = static_cast<std::size_t>(now) + k;
+      const auto its = static_cast<std::size_t>(now_) + k;
       more[its & (more.size() - 1)] = std::move(buckets_[its & (buckets_.size() - 1)]);
     }
     buckets_ = std::move(more);
   }
   ++waiting_;
-  return buckets_[(static_cast<std::size_t>(now) + ahead) & (buckets_.size() - 1)];
+  return buckets_[(static_cast<std::size_t>(now_) + ahead) & (buckets_.size() - 1)];
 }
 
 void SolidRows::join(Label a, Label b, int n) {
   if (a == b) return;
-  a = bodies_.root(a);
-  b = bodies_.root(b);
-  if (a != b && !bodies_.unite_early(a, b, coming_step(n))) at(n).edges.push_back({a, b});
+  a = labels_.root(a);
+  b = labels_.root(b);
+  if (a != b && !labels_.unite_early(a, b, coming_step(n))) at(n).edges.push_back({a, b});
 }
 
 void SolidRows::grow(Label label, const GrowingBodies::Patch& patch, int n, int sign) {
@@ -45,9 +44,9 @@ void SolidRows::grow(Label label, const GrowingBodies::Patch& patch, int n, int 
 }
 
 void SolidRows::leave(const Labelled& run, int row) {
-  const Label label = bodies_.root(run.label);
-  if (bodies_.anchored(label)) return;
-  const GrowingBodies::Patch patch{row, run.begin, run.end};
+  const Label label = labels_.root(run.label);
+  if (labels_.anchored(label)) return;
+  const GrowingBodies::Patch patch{first_ + row, run.begin, run.end};
   const int gels = run.gels.of(slice_);
   if (!run.gels.is_at_once()) return grow(label, patch, gels, -1);
   // Voxels count from the step after the one in which they gel.
@@ -129,7 +128,7 @@ class SolidRows::RowChange {
   }
   int gels(const Labelled& run) const { return run.gels.of(rows_.slice_); }
   /// Of what is anchored no sums are asked for, so it does not matter since when it is there.
-  bool hangs(const Labelled& run) { return rows_.bodies_.anchored(rows_.bodies_.root(run.label)); }
+  bool hangs(const Labelled& run) { return rows_.labels_.anchored(rows_.labels_.root(run.label)); }
   /// `below`: what was there in the slice before, or null.
   void make(int begin, int end, GelTime its, const Labelled* below) {
     const int n = rows_.slice_, gelled = its.of(n);
@@ -145,14 +144,14 @@ class SolidRows::RowChange {
       made.label = next_.back().label;
     } else {
       const int begins = rows_.coming_step(gelled);
-      made.label = rows_.bodies_.add_label(begins, n == 0);
-      rows_.new_.push_back({made.label, {n, y_, begin}, begins});
+      made.label = rows_.labels_.add(begins, n == 0);
+      rows_.new_.push_back({made.label, {n, rows_.first_ + y_, begin}, begins});
     }
     if (below && made.label != below->label) {
       rows_.join(made.label, below->label, std::max(gelled, below->gels.of(n - 1)));
     }
-    if (!its.is_at_once() && !rows_.bodies_.anchored(rows_.bodies_.root(made.label))) {
-      rows_.grow(made.label, {y_, begin, end}, gelled, 1);
+    if (!its.is_at_once() && !rows_.labels_.anchored(rows_.labels_.root(made.label))) {
+      rows_.grow(made.label, {rows_.first_ + y_, begin, end}, gelled, 1);
     }
     if (!goes_on) rows_.made_.push_back({y_, made});
     put(made, !goes_on);
@@ -171,6 +170,8 @@ void SolidRows::change_row(int y, std::span<const Change> changes) {
   RowChange row(*this, y);
   for (const Change& c : changes) row.change(c);
   row.finish();
+  upper_changed_ = upper_changed_ || y == 0;
+  lower_changed_ = lower_changed_ || y + 1 == static_cast<int>(rows_.size());
 }
 
 void SolidRows::join_beside(std::span<const Made> made, int row) {
@@ -189,17 +190,14 @@ void SolidRows::join_beside(std::span<const Made> made, int row) {
   }
 }
 
-void SolidRows::pass_step() {
-  Bucket& now = of_step(bodies_.slice());
-  waiting_ -= now.size() + 1;
-  for (const Sum& s : now.sums) bodies_.add(s.label, s.patch, s.slices);
-  for (const Beginning& b : now.begins) bodies_.begin(b.label, b.low);
-  for (const Patched& p : now.grows) bodies_.grow(p.label, p.patch, step_);
-  for (const Patched& p : now.ends) bodies_.grow(p.label, p.patch, -step_);
-  for (const Edge& e : now.edges) bodies_.unite(e.a, e.b);
-  // Not only cleared: many may wait for one step, and few for all others.
-  now = {};
-  bodies_.end_slice(false);
+void SolidRows::keep_edging(int row, bool changed, std::vector<Edging>& to) const {
+  if (!changed) return;
+  Edging& its = to.emplace_back();
+  its.slice = slice_;
+  its.row = rows_[static_cast<std::size_t>(row)];
+  for (const Made& m : made_) {
+    if (m.row == row) its.made.push_back(m.run);
+  }
 }
 
 void SolidRows::end_slice(int more) {
@@ -212,46 +210,58 @@ void SolidRows::end_slice(int more) {
     join_beside(made, row + 1);
     from = past;
   }
+  keep_edging(0, std::exchange(upper_changed_, false), upper_);
+  keep_edging(static_cast<int>(rows_.size()) - 1, std::exchange(lower_changed_, false), lower_);
   made_.clear();
   for (const Beginning& b : new_) {
     // What hangs on what is anchored is no body.
-    const Label root = bodies_.root(b.label);
-    if (root == b.label || !bodies_.anchored(root)) of_step(b.step).begins.push_back(b);
+    const Label root = labels_.root(b.label);
+    if (root == b.label || !labels_.anchored(root)) of_step(b.step).begins.push_back(b);
   }
   new_.clear();
-  int steps = step_of(slice_ + 1 + more) - step_of(slice_);
   slice_ += 1 + more;
-  for (; steps > 0 && waiting_ > 0; --steps) pass_step();
-  bodies_.skip(steps);
-  if (bodies_.size() > 2 * (runs_ + 2 * waiting_) + 65536) renumber();
 }
 
-void SolidRows::renumber() {
-  bodies_.renumber([&](const auto& keep) {
-    for (Row& row : rows_) {
-      for (Labelled& run : row) keep(run.label);
+void SolidRows::gel_step(GrowingBodies& bodies) {
+  const Bucket& now = of_step(now_);
+  --waiting_;
+  const auto body_of = [&](Label label) {
+    const Label root = labels_.root(label);
+    const Label body = labels_.body(root) = bodies.root(labels_.body(root));
+    if (bodies.anchored(body)) labels_.set_anchored(root);
+    return body;
+  };
+  for (const Sum& s : now.sums) bodies.add(body_of(s.label), s.patch, s.slices);
+  for (const Beginning& b : now.begins) {
+    const Label root = labels_.root(b.label);
+    Label& body = labels_.body(root);
+    if (body == SolidLabels::kNone) {
+      body = bodies.begin(b.low, labels_.anchored(root));
+    } else {
+      bodies.lower(body, b.low);
     }
-    for (Bucket& bucket : buckets_) {
-      for (Sum& s : bucket.sums) keep(s.label);
-      for (Beginning& b : bucket.begins) keep(b.label);
-      for (Patched& p : bucket.grows) keep(p.label);
-      for (Patched& p : bucket.ends) keep(p.label);
-      for (Edge& e : bucket.edges) {
-        keep(e.a);
-        keep(e.b);
-      }
-    }
-  });
+  }
+  for (const Patched& p : now.grows) bodies.grow(body_of(p.label), p.patch, step_);
+  for (const Patched& p : now.ends) bodies.grow(body_of(p.label), p.patch, -step_);
 }
 
-void SolidRows::finish() {
-  // What has not gelled yet does so before anything is judged.
+void SolidRows::join_step(GrowingBodies& bodies) {
+  Bucket& now = of_step(now_);
+  waiting_ -= now.size() + 1;
+  for (const Edge& e : now.edges) {
+    const Label a = labels_.root(e.a), b = labels_.root(e.b);
+    if (a != b) labels_.unite(a, b, bodies.unite(labels_.body(a), labels_.body(b)));
+  }
+  // Not only cleared: many may wait for one step, and few for all others.
+  now = {};
+  ++now_;
+}
+
+void SolidRows::end() {
   for (std::size_t y = 0; y < rows_.size(); ++y) {
     for (const Labelled& run : rows_[y]) leave(run, static_cast<int>(y));
     rows_[y].clear();
   }
-  while (waiting_ > 0) pass_step();
-  bodies_.finish();
 }
 
 }  // namespace slicecorr::detail

@@ -3,6 +3,7 @@
 
 /// Bodies of what is solid, joined by faces, in space and in time: voxels gel in their own slice or some
 /// slices after it. Changes of rows are given slice by slice, and join in the order in which they gel.
+/// Rows lie in strips, which threads follow side by side (solid_strips.hpp).
 #pragma once
 
 #include <algorithm>
@@ -12,6 +13,7 @@
 #include <vector>
 
 #include "bodies/growing_bodies.hpp"
+#include "bodies/solid_labels.hpp"
 
 namespace slicecorr::detail {
 
@@ -31,8 +33,29 @@ class GelTime {
   std::int32_t value_ = 0;
 };
 
+/// A strip. Its functions but those of a step may be called beside those of others.
 class SolidRows {
  public:
+  using Label = SolidLabels::Label;
+  /// Of a run as long as its voxels go on. Those of its columns in the slices between gel one after the
+  /// other, or at once, and hang on each other. The body of its label has begun when the run gels.
+  struct Labelled {
+    std::int32_t begin = 0, end = 0;
+    std::int32_t from = 0;  ///< slice of its first voxels
+    GelTime gels;
+    Label label = SolidLabels::kNone;
+    /// Whether a run beside it goes on as it does.
+    bool alike(const Labelled& beside) const {
+      return end == beside.begin && gels == beside.gels &&
+             (from == beside.from || !gels.is_at_once());
+    }
+  };
+  using Row = std::vector<Labelled>;
+  /// The strip's first or last row in a slice in which it changes.
+  struct Edging {
+    int slice = 0;
+    Row row, made;  ///< `made`: of it, what does not gel on what gelled before it
+  };
   /// Columns [begin, end) of a row that are otherwise from the slice at hand on.
   struct Change {
     int begin = 0, end = 0;
@@ -41,33 +64,45 @@ class SolidRows {
         false;  ///< `gels` is said; else what was solid gels as before, what was not in its slice
     GelTime gels;
   };
-  /// Bodies hang on what comes before slice 0. `step`: see BodyAsk. `listener` must outlive this; it is told
-  /// steps in the place of slices.
-  SolidRows(int rows, int step, BodyListener& listener);
+  /// Rows [first, first + rows). Bodies hang on what comes before slice 0. `step`: see BodyAsk.
+  SolidRows(int first, int rows, int step);
 
-  /// From left to right, apart from each other; at most once a row and slice.
+  /// Of row `first` + y, from left to right, apart from each other; at most once a row and slice.
   void change_row(int y, std::span<const Change> changes);
-  /// Whether the slice at hand has anything of them.
-  bool any() const { return runs_ > 0; }
   void end_slice(int more);
-  void finish();
+  /// After the last slice: what has not gelled yet does so before anything is judged.
+  void end();
+
+  SolidLabels& labels() { return labels_; }
+  /// Runs and what waits: there may be twice as many labels.
+  std::size_t in_use() const { return runs_ + 2 * waiting_; }
+  bool waits() const { return waiting_ > 0; }
+  /// What gels in the step at hand, of which all slices have ended.
+  void gel_step(GrowingBodies& bodies);
+  /// What joins in it, once all strips have told what gels.
+  void join_step(GrowingBodies& bodies);
+  /// Passes steps in which nothing happens.
+  void skip(int steps) { now_ += steps; }
+  std::vector<Edging>& upper() { return upper_; }
+  std::vector<Edging>& lower() { return lower_; }
+  template <class Keep>
+  void keep_labels(const Keep& keep) {
+    for (Row& row : rows_) {
+      for (Labelled& run : row) keep(run.label);
+    }
+    for (Bucket& bucket : buckets_) {
+      for (Sum& s : bucket.sums) keep(s.label);
+      for (Beginning& b : bucket.begins) keep(b.label);
+      for (Patched& p : bucket.grows) keep(p.label);
+      for (Patched& p : bucket.ends) keep(p.label);
+      for (Edge& e : bucket.edges) {
+        keep(e.a);
+        keep(e.b);
+      }
+    }
+  }
 
  private:
-  using Label = GrowingBodies::Label;
-  /// Of a run as long as its voxels go on. Those of its columns in the slices between gel one after the
-  /// other, or at once, and hang on each other. The body of its label has begun when the run gels.
-  struct Labelled {
-    std::int32_t begin = 0, end = 0;
-    std::int32_t from = 0;  ///< slice of its first voxels
-    GelTime gels;
-    Label label = GrowingBodies::kNone;
-    /// Whether a run beside it goes on as it does.
-    bool alike(const Labelled& beside) const {
-      return end == beside.begin && gels == beside.gels &&
-             (from == beside.from || !gels.is_at_once());
-    }
-  };
-  using Row = std::vector<Labelled>;
   /// A run of the slice at hand that does not gel on what gelled before it.
   struct Made {
     int row = 0;
@@ -103,7 +138,7 @@ class SolidRows {
 
   int step_of(int n) const { return n / step_; }
   /// The step of slice n or, if that is past, the one at hand.
-  int coming_step(int n) const { return std::max(step_of(n), bodies_.slice()); }
+  int coming_step(int n) const { return std::max(step_of(n), now_); }
   /// Of the step of slice n, or that at hand; something is put into it.
   Bucket& at(int n) { return of_step(step_of(n)); }
   Bucket& of_step(int step);
@@ -115,14 +150,16 @@ class SolidRows {
   void join_beside(std::span<const Made> made, int row);
   /// Columns of a run have no more voxels.
   void leave(const Labelled& run, int row);
-  /// All that happens in the step at hand.
-  void pass_step();
-  void renumber();
+  void keep_edging(int row, bool changed, std::vector<Edging>& to) const;
 
-  const int step_;        ///< slices
-  int slice_ = 0;         ///< the one at hand
-  GrowingBodies bodies_;  ///< counts steps
+  const int first_;
+  const int step_;  ///< slices
+  int slice_ = 0;   ///< the one at hand
+  int now_ = 0;     ///< step at hand
+  SolidLabels labels_;
   std::vector<Row> rows_;
+  bool upper_changed_ = false, lower_changed_ = false;
+  std::vector<Edging> upper_, lower_;
   Row next_;
   std::vector<Made> made_;
   std::vector<Beginning> new_;  ///< labels of the slice at hand

@@ -163,6 +163,8 @@ struct BodyAsk {
   double least_neck_mm2 = 0;  ///< area by which a body must hang; 0: any. Needs a scale.
   /// What hangs on nothing is looked for after so many slices each; a power of two.
   int time_step = 1;
+  bool solids = true;  ///< bodies; else only what else is asked for
+  int strip_rows = 0;  ///< rows that are followed apart; no figure depends on it. 0: all together.
 };
 
 /// Follows bodies and voids slice by slice. Voids are those between what is solid in the end, whenever it

@@ -57,6 +57,11 @@ TEST(InsideOut, HollowsAreNone) {
   // The whole part inside out prints the same, as it is.
   EXPECT_EQ(printed_mm3(inverted(outer + hollow), &report), 512U - 27);
   EXPECT_EQ(report.defects.inside_out_bodies, 0U);
+  EXPECT_EQ(describe(report.defects), "all inside out, cut as if turned");
+  EXPECT_EQ(printed_mm3(inverted(outer), &report), 512U);
+  EXPECT_TRUE(report.defects.all_inside_out);
+  EXPECT_EQ(printed_mm3(outer, &report), 512U);
+  EXPECT_EQ(describe(report.defects), "");
   // Beside another one it is turned with its hollow, and with what is in that.
   const TriangleMesh core = box({3, 3, 3}, {4, 4, 4}), other = box({7, 7, 7}, {12, 12, 12});
   EXPECT_EQ(printed_mm3(inverted(outer + hollow + core) + other, &report), 512U - 27 + 1 + 125 - 1);

@@ -276,11 +276,16 @@ void Inspection::count_bodies() {
 void Inspection::find_inside_out(EdgeDefects* edge_defects) {
   MeshDefects& defects = report_.defects;
   // Through holes nobody knows what lies in what.
-  if (report_.bodies < 2 || defects.open_edges + defects.misoriented_edges > 0) return;
+  if (defects.open_edges + defects.misoriented_edges > 0) return;
+  if (report_.bodies < 2) {
+    defects.all_inside_out = mesh_.shares.empty() && report_.volume < 0;
+    return;
+  }
   const detail::InsideOut found = detail::inside_out(
       mesh_, [&](std::size_t t) { return bodies_.root(static_cast<std::uint32_t>(t)); });
   defects.inside_out_bodies = found.bodies;
   if (edge_defects) edge_defects->flipped = found.triangles;
+  defects.all_inside_out = mesh_.shares.empty() && found.bodies == 0 && report_.volume < 0;
 }
 
 }  // namespace
@@ -308,7 +313,7 @@ MeshReport inspect(const TriangleMesh& mesh, const ExecutionContext& context,
 }
 
 std::string describe(const MeshDefects& defects) {
-  std::string text;
+  std::string text = defects.all_inside_out ? "all inside out, cut as if turned" : "";
   const auto add = [&](std::size_t count, const char* one, const char* many) {
     if (count == 0) return;
     if (!text.empty()) text += ", ";

@@ -70,9 +70,12 @@ struct MeshDefects {
   /// Bodies that lie in no other and whose triangles all face inwards, beside bodies that are as they
   /// should be; only of meshes without open and misoriented edges.
   std::size_t inside_out_bodies = 0;
+  /// All triangles face inwards, with or without hollows; of such meshes, too. It prints as it is.
+  bool all_inside_out = false;
   bool any() const {
-    return inside_out_bodies || open_edges || crowded_edges || misoriented_edges ||
-           flipped_triangles || degenerate_triangles || zero_area_triangles || duplicate_triangles;
+    return inside_out_bodies || all_inside_out || open_edges || crowded_edges ||
+           misoriented_edges || flipped_triangles || degenerate_triangles || zero_area_triangles ||
+           duplicate_triangles;
   }
 };
 

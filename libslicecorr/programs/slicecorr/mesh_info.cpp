@@ -92,6 +92,7 @@ int mesh_info(const Arguments& a, const ExecutionContext& context) {
                                 {"misoriented_edges", d.misoriented_edges},
                                 {"flipped_triangles", d.flipped_triangles},
                                 {"inside_out_bodies", d.inside_out_bodies},
+                                {"all_inside_out", d.all_inside_out},
                                 {"degenerate_triangles", d.degenerate_triangles},
                                 {"zero_area_triangles", d.zero_area_triangles},
                                 {"duplicate_triangles", d.duplicate_triangles}}},

@@ -561,11 +561,65 @@ TEST_F(Browser, SeveralPartsHaveSizesAndNumbersOfTheirOwn) {
   EXPECT_EQ(blocks, 3);
   // On one plate: as many as are asked for, side by side.
   page_->click("input[name=how][value=plate]");
-  EXPECT_EQ(page_->eval("parts.items[1].own.fit_mm.parentElement.hidden"), true);
+  EXPECT_EQ(page_->eval("parts.items[1].own.fit_mm.parentElement.hidden"), false);
   EXPECT_EQ(page_->eval("chosen().length"), 4);
+  EXPECT_EQ(
+      page_->eval("JSON.stringify([setup(chosen()).own_fit_mm, setup(chosen()).own_rotate_deg])"),
+      "[[0,2,2,2],[0,0,0,0,0,90,0,0,90,0,0,90]]");
   page_->click("#look");
   see("plate");
   page_->wait_for("round.pieces.length === 4");
+  // Blocks of 3 x 1 x 1 mm, 2 mm long and turned; the ladder of 4 mm 3 mm long.
+  const auto size = [&](int part, int axis) {
+    return page_->eval(fmt::format(
+        "(() => {{ let a = Infinity, b = -Infinity; const t = round.parts.places, p = round.pieces[{}]; for (let i = 9 * "
+        "p.from; i < 9 * p.to; i += 3) {{ a = Math.min(a, t[i + {}]); b = Math.max(b, t[i + {}]); }} return b "
+        "- a; }})()",
+        part, axis, axis));
+  };
+  const auto of = [&](int part, int axis) { return size(part, axis).get<double>(); };
+  EXPECT_NEAR(of(0, 0), 3, 0.01);
+  EXPECT_NEAR(of(1, 0), 2.0 / 3, 0.01);
+  EXPECT_NEAR(of(1, 1), 2, 0.01);
+  page_->click("#queue");
+  page_->wait_for(
+      "document.getElementById('queue-said').textContent.includes('queued') || "
+      "document.getElementById('said-here')");
+  EXPECT_EQ(page_->text("queue-said"), "One job is queued.");
+}
+
+TEST_F(Browser, OneBadPartOfThreeIsNamedAndTheOthersGoOn) {
+  serve();
+  const std::string ladder = farm_.root + "/ladder.stl", block = farm_.root + "/block.stl";
+  slicecorr::test::write_stl(ladder, slicecorr::test::ladder());
+  TriangleMesh box;
+  slicecorr::test::add_box(box, {-1.5, -0.5, 0}, {1.5, 0.5, 1});
+  slicecorr::test::write_stl(block, box);
+  test::write_file(farm_.root + "/broken.stl", std::string(200, 'x'));
+  open("/print");
+  sign_in(kSubmit);
+  page_->choose_files("#files", {ladder, farm_.root + "/broken.stl", block});
+  page_->wait_for("parts.there.length === 3");
+  page_->set("printer", "dual-wavelength-dlp");
+  page_->set("resin", "benchy-resin");
+  page_->set("speed", "400");
+  page_->click("#queue");
+  page_->wait_for(
+      "document.getElementById('queue-said').textContent.includes('queued') || "
+      "document.getElementById('said-here')");
+  EXPECT_EQ(page_->text("queue-said"), "2 jobs are queued.");
+  const std::string said = page_->text("queued");
+  EXPECT_THAT(said, HasSubstr("broken.stl was not queued: "));
+  EXPECT_THAT(said, Not(HasSubstr(farm_.root)));
+  EXPECT_THAT(said, Not(HasSubstr("upload")));
+  EXPECT_EQ(page_->eval("document.querySelector('#queued [role=alert]') !== null"), true);
+  EXPECT_EQ(farm_.model().jobs({}).size(), 2U);
+  // Alone it is refused, at the button; together on a plate it is named.
+  page_->click("input[name=how][value=plate]");
+  page_->click("#look");
+  page_->wait_for("document.getElementById('said-here')");
+  EXPECT_THAT(page_->text("said-here"), HasSubstr("broken.stl: "));
+  EXPECT_THAT(page_->text("said-here"), Not(HasSubstr(farm_.root)));
 }
 
 TEST_F(Browser, OneSignInIsThatOfAllTabs) {

@@ -392,6 +392,18 @@ TEST_F(Prepare, PartsLieWhereTheyAreSaidToLie) {
   r.plate.places_mm = {2, 1.5, 2, 1.5};
   r.plate.arrange = true;
   EXPECT_THAT(refused({r}), ElementsAre(HasSubstr("expected one of them")));
+  // Sizes and turns of their own are part of the work, copies each with them.
+  r.plate = {};
+  r.plate.arrange = true;
+  r.plate.own_fit_mm = {1, 1.5};
+  r.plate.own_rotate_deg = {0, 0, 90, 0, 0, 0};
+  r.parts = {part, part + "*2"};
+  const WorkSpec own = parse_spec(prepared({r}).jobs[0].work.spec_json);
+  EXPECT_THAT(own.plate.own_fit_mm, ElementsAre(1, 1.5, 1.5));
+  EXPECT_THAT(own.plate.own_rotate_deg, ElementsAre(0, 0, 90, 0, 0, 0, 0, 0, 0));
+  EXPECT_EQ(own.inputs.size(), 3U);
+  r.plate.own_fit_mm = {1};
+  EXPECT_THAT(refused({r}), ElementsAre(HasSubstr("expected one for each part")));
   const auto wrong = [&](const std::string& line) {
     return errors_of(
         [&] { parse_jobs_toml("[[job]]\npart = \"a.stl\"\n" + line + "\n", "j.toml"); });

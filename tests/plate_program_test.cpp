@@ -101,5 +101,39 @@ TEST_F(PlateProgram, CopiesLieSideBySide) {
        kHow);
 }
 
+TEST_F(PlateProgram, PartsHaveSizesAndTurnsOfTheirOwn) {
+  // Boxes of 4 x 3 x 2 mm: as long as is said, the volume goes with the cube.
+  good(slice({"a.stl", "same.stl"}, {"--arrange", "--own-fit-mm", "2,0"}));
+  EXPECT_NEAR(volume_ml("out.uvj"), 0.024 / 8 + 0.024, 1e-6);
+  good(slice({"a.stl", "same.stl*2"}, {"--own-scale", "0.5,0", "--fit-mm", "6"}));
+  // What has no size of its own is as long as all such parts are to be.
+  EXPECT_NEAR(volume_ml("out.uvj"), 0.024 / 8 + 2 * 1.5 * 1.5 * 1.5 * 0.024, 1e-6);
+  // Upright the first is 4 mm high, which the second alone is not.
+  const auto layers = [&] {
+    return json::parse(good({"info", "out.uvj", "--json", "-"}).out)["layers"].get<int>();
+  };
+  good(slice({"a.stl", "same.stl"}, {"--arrange", "--own-rotate-deg", "0,90,0,0,0,0"}));
+  EXPECT_EQ(layers(), 40);
+  EXPECT_NEAR(volume_ml("out.uvj"), 2 * 0.024, 1e-6);
+  good(slice({"a.stl", "same.stl"}, {"--arrange", "--own-rotate-deg", "0,0,90,0,0,0"}));
+  EXPECT_EQ(layers(), 20);
+  // The same file twice, each by itself: where they lie is said.
+  good(slice({"a.stl", "a.stl"}, {"--places-mm", "4,6,10,6", "--own-fit-mm", "2,4"}));
+  EXPECT_NEAR(volume_ml("out.uvj"), 0.024 / 8 + 0.024, 1e-6);
+  bad(2, slice({"a.stl", "same.stl"}, {"--own-fit-mm", "2"}),
+      {"1 own longest side for 2 parts; expected one for each part"});
+  bad(2, slice({"a.stl", "same.stl"}, {"--own-rotate-deg", "0,0,90"}), {"three numbers for each"});
+  bad(2, slice({"a.stl"}, {"--own-rotate-deg", "0,0,90", "--rotate-deg", "0,0,90"}),
+      {"one of them"});
+  bad(2, slice({"a.stl"}, {"--own-fit-mm", "2", "--own-scale", "2"}), {"a.stl", "one of them"});
+  bad(2, slice({"a.stl"}, {"--own-fit-mm", "2", "--fit-mm", "3"}), {"expected no longest side"});
+  bad(2, slice({"a.stl"}, {"--own-fit-mm", "-1"}), {"--own-fit-mm"});
+  bad(2,
+      Command{"run", "a.stl", "-o", "run.uvj", "--resin", "figure-2-2", "--speed-mm-h", "400",
+              "--own-fit-mm", "2", "--leave-alone", "beside.stl"} +
+          kHow,
+      {"left alone", "no sizes or turns of their own"});
+}
+
 }  // namespace
 }  // namespace slicecorr::test

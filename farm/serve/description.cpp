@@ -5,6 +5,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "serve/studies.hpp"
 #include "slicecorr/print_file.hpp"
 #include "slicecorr/settings.hpp"
 #include "submit/fields.hpp"
@@ -20,12 +21,7 @@ using Json = nlohmann::ordered_json;
 /// Whether a key belongs to one of the groups that openapi.json names in `x-keys`.
 bool belongs(const std::string& key, const std::string& group) {
   if (group == "all") return true;
-  if (group == "placing") {
-    return key == "layer_um" || key == "units" || key == "scale" || key == "fit_mm" ||
-           key == "rotate_deg" || key == "center_mm" || key == "antialias" || key == "overlap" ||
-           key == "arrange" || key == "spacing_mm" || key == "turn_about_z" || key == "places_mm" ||
-           key == "quarter_turns";
-  }
+  if (group == "placing") return is_placing(key);
   if (group == "process") {
     const Setting* const setting = find_setting(key);
     return setting && setting->said_by == SaidBy::all && key != "printer" && key != "resin";

@@ -17,6 +17,7 @@
 #include <mutex>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <string_view>
 #include <thread>
 #include <vector>
 
@@ -45,6 +46,9 @@ struct StudyPlan {
 
 /// Checks what POST /api/v1/studies was sent, and says which programs answer it. Throws `ApiError`.
 StudyPlan plan_study(const FarmFolder& folder, const nlohmann::ordered_json& request);
+
+/// Whether studies take this key of jobs for how parts are sized, turned and placed.
+bool is_placing(std::string_view key);
 
 /// A printer's or resin's name, as the database has them; no path. Throws `ApiError` naming `key`.
 std::string checked_name(const nlohmann::ordered_json& value, const char* key);

@@ -53,6 +53,9 @@ constexpr Option kPlacing[] = {
     {"turn_about_z", "--turn-about-z", Kind::flag},
     {"places_mm", "--places-mm", Kind::list},
     {"quarter_turns", "--quarter-turns", Kind::list},
+    {"own_fit_mm", "--own-fit-mm", Kind::list},
+    {"own_scale", "--own-scale", Kind::list},
+    {"own_rotate_deg", "--own-rotate-deg", Kind::list},
 };
 constexpr Option kPlanning[] = {
     {"tolerance_um", "--tolerance-um", Kind::number},
@@ -101,7 +104,7 @@ std::string argument_of(const Option& option, const Json& value) {
       for (const Json& v : value) text += (text.empty() ? "" : ",") + number_of(v, option.key);
       break;
     case Kind::list:
-      if (!value.is_array() || value.empty() || value.size() > 2 * kMostParts) {
+      if (!value.is_array() || value.empty() || value.size() > 3 * kMostParts) {
         wrong(option.key, "a list of numbers for each part");
       }
       for (const Json& v : value) text += (text.empty() ? "" : ",") + number_of(v, option.key);
@@ -423,6 +426,11 @@ std::string checked_name(const Json& value, const char* key) {
     wrong(key, "a name of small letters, digits, '-', '_' and '.'");
   }
   return value.get<std::string>();
+}
+
+bool is_placing(std::string_view key) {
+  return key == "layer_um" || std::any_of(std::begin(kPlacing), std::end(kPlacing),
+                                          [&](const Option& o) { return key == o.key; });
 }
 
 StudyPlan plan_study(const FarmFolder& folder, const Json& request) {

@@ -107,6 +107,7 @@ SubmitReply failed(const std::vector<SubmitError>& errors, const FarmFolder& fol
     list.push_back({{"where", e.where},
                     {"message", detail::without_folders(e.message, folder)},
                     {"reason", name_of(e.reason)}});
+    if (e.request >= 0) list.back()["job"] = e.request;
   }
   const Json json = {{"error",
                       {{"status", 400},
@@ -126,7 +127,13 @@ std::function<SubmitReply(const std::string&, bool, const std::atomic<bool>&)> m
     try {
       std::vector<JobRequest> requests = parse_jobs_json(body, "request");
       std::vector<SubmitError> errors;
-      for (JobRequest& request : requests) confine(request, rules, errors);
+      for (JobRequest& request : requests) {
+        const std::size_t known = errors.size();
+        confine(request, rules, errors);
+        for (std::size_t i = known; i < errors.size(); ++i) {
+          errors[i].request = &request - requests.data();
+        }
+      }
       if (!errors.empty()) return failed(errors, rules.folder);
       check_open_jobs(requests, rules);
       Queue queue(rules.folder.database());

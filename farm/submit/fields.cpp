@@ -212,10 +212,10 @@ template <typename Member>
 Field list_of_numbers(Member member, double least, double most, bool whole) {
   Schema items = {{"type", whole ? "integer" : "number"}, {"minimum", least}, {"maximum", most}};
   return {member,
-          {{"type", "array"}, {"items", items}, {"minItems", 1}, {"maxItems", 2000}},
+          {{"type", "array"}, {"items", items}, {"minItems", 1}, {"maxItems", 3000}},
           [=](JobRequest& r, const Value& v) -> std::string {
             const auto list = numbers_in(v);
-            if (!list || list->empty() || list->size() > 2000 ||
+            if (!list || list->empty() || list->size() > 3000 ||
                 !std::all_of(list->begin(), list->end(), [&](double d) {
                   return d >= least && d <= most && (!whole || d == std::floor(d));
                 })) {
@@ -371,6 +371,12 @@ const Fields& fields() {
         "x and y on the plate of the middle of each part, in place of its file");
     add("quarter_turns", list_of_numbers(SLICEFARM_FIELD(plate.quarter_turns), 0, 3, true),
         "By how many quarters each of these parts is turned about z");
+    add("own_fit_mm", list_of_numbers(SLICEFARM_FIELD(plate.own_fit_mm), 0, 1e5, false),
+        "Longest side of each part by itself; 0: as all");
+    add("own_scale", list_of_numbers(SLICEFARM_FIELD(plate.own_scale), 0, 1e9, false),
+        "Factor of the size of each part by itself; 0: as all");
+    add("own_rotate_deg", list_of_numbers(SLICEFARM_FIELD(plate.own_rotate_deg), -1e6, 1e6, false),
+        "Each part turned by itself about x, y and z: three numbers for each");
     add("voxel_mm", number(SLICEFARM_FIELD(voxel_mm), 0, kMost, true),
         "Side of a voxel (tomographic)");
     add("method", word(SLICEFARM_FIELD(method), {"ladder", "osmo", "kelly", "fbp"}),
@@ -515,6 +521,7 @@ void expand_copies(JobRequest& r) {
   if (kind_of(r) != JobKind::slices) {
     throw InputError(r.parts[0], "", "copies have no place in a tomographic print");
   }
+  r.plate = cli::for_copies(r.plate, r.parts);
   r.parts = files;
   if (r.plate.places_mm.empty()) r.plate.arrange = true;
 }

@@ -735,6 +735,7 @@ std::vector<JobRequest> with_scales(std::vector<JobRequest> requests) {
       o.units = r.units;
       o.rotate_deg = r.rotate_deg;
       o.fit_mm = r.fit_mm;
+      if (r.part_inside.empty()) o.plate = r.plate;
       r.scale = o.placement().scale;
     } catch (const InputError& e) {
       errors.push_back({r.where, e.what(), Reason::bad_input, &r - requests.data()});

@@ -29,6 +29,13 @@ namespace {
 /// Changes when the same spec gives other bytes though the program's version is the same.
 constexpr int kKeyFormat = 1;
 
+/// What parts have of their own.
+constexpr std::pair<const char*, std::vector<double> PlateChoices::*> kOwn[] = {
+    {"own_fit_mm", &PlateChoices::own_fit_mm},
+    {"own_scale", &PlateChoices::own_scale},
+    {"own_rotate_deg", &PlateChoices::own_rotate_deg},
+};
+
 Json json_of(const WorkSpec& s, bool with_names) {
   Json json;
   json["kind"] = s.kind;
@@ -55,6 +62,9 @@ Json json_of(const WorkSpec& s, bool with_names) {
     if (!s.plate.places_mm.empty()) {
       json["plate"]["places_mm"] = s.plate.places_mm;
       json["plate"]["quarter_turns"] = s.plate.quarter_turns;
+    }
+    for (const auto& [key, member] : kOwn) {
+      if (!(s.plate.*member).empty()) json["plate"][key] = s.plate.*member;
     }
   }
   json["format"] = s.format;
@@ -103,6 +113,9 @@ WorkSpec spec_of(const Json& json) {
     s.plate.turn_about_z = plate.at("turn_about_z");
     s.plate.places_mm = plate.value("places_mm", std::vector<double>());
     s.plate.quarter_turns = plate.value("quarter_turns", std::vector<double>());
+    for (const auto& [key, member] : kOwn) {
+      s.plate.*member = plate.value(key, std::vector<double>());
+    }
   }
   s.format = json.at("format");
   s.ending = json.at("ending");

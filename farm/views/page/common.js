@@ -67,13 +67,17 @@ async function ask(path, body, method) {
     throw new Error(was ? 'Your token is none of this farm’s any more. Sign in again.'
       : body === undefined ? 'This farm is shown to those who have its token.' : 'Sign in with your token to do that.');
   }
-  let words = 'The farm answers ' + answer.status + '.';
+  let words = 'The farm answers ' + answer.status + '.', errors = [];
   try {
     const e = (await answer.json()).error;
+    errors = e.errors || [];
     words = e.errors ? e.errors.map((x) => x.message).join('; ') : e.message;
   } catch { /* no JSON: the status has to do */ }
-  throw new Error(words.charAt(0).toUpperCase() + words.slice(1) + (/[.!?]$/.test(words) ? '' : '.'));
+  const error = new Error(sentence(words));
+  error.errors = errors;
+  throw error;
 }
+const sentence = (words) => words.charAt(0).toUpperCase() + words.slice(1) + (/[.!?]$/.test(words) ? '' : '.');
 const read = async (path) => (await ask(path)).json();
 const change = async (path, body = {}) => (await ask(path, body)).json();
 

@@ -14,7 +14,7 @@ let settings = {}, schemas = {};  // by the description of the API
 
 const parts = new Parts($('drop'), $('files'), $('parts'), partName, partsChanged, ownOf);
 
-// Of several parts each has its own size, turn and number; on one plate its number alone.
+// Of several parts each has its own size, turn and number, as prints of their own and on one plate.
 function ownOf(item) {
   const box = el('div', undefined, 'own'), fields = {box};
   const add = (key, words, type, more) => {
@@ -33,11 +33,11 @@ function ownOf(item) {
   return fields;
 }
 function showOwn() {
-  const several = parts.there.length > 1, each = several && !together() && !inside().length;
+  const own_ = parts.there.length > 1 && !inside().length;
   for (const {own, name} of parts.items) {
     if (!own) continue;
-    own.box.hidden = !(each || (together() && several));
-    for (const key of ['fit_mm', 'rotate_deg']) own[key].parentElement.hidden = !each || !meshName.test(name);
+    own.box.hidden = !own_;
+    for (const key of ['fit_mm', 'rotate_deg']) own[key].parentElement.hidden = !meshName.test(name);
   }
 }
 const ownCopies = (p) => (p.own && p.own.copies.value ? Number(p.own.copies.value) : 0);
@@ -122,6 +122,18 @@ function numbers(text, key, n, field) {
   return list;
 }
 
+// Sizes and turns of parts that share the plate, where one has its own: a list for all of them.
+function ownOnPlate(s, list) {
+  if (list.some((p) => p.own && p.own.fit_mm.value)) {
+    s.own_fit_mm = list.map((p) => Number((p.own && p.own.fit_mm.value) || 0));
+    if (s.own_fit_mm.every((mm) => mm > 0)) delete s.fit_mm;
+  }
+  if (list.some((p) => p.own && p.own.rotate_deg.value.trim())) {
+    s.own_rotate_deg = list.flatMap((p) => (p.own && numbers(p.own.rotate_deg.value, 'Turned about x, y, z', 3, p.own.rotate_deg)) || s.rotate_deg || [0, 0, 0]);
+    delete s.rotate_deg;
+  }
+}
+
 // What the form says, for studies and for jobs: keys are those of jobs files.
 function setup(list) {
   const s = {printer: $('printer').value, resin: $('resin').value, mode: $('mode').value};
@@ -137,6 +149,7 @@ function setup(list) {
     if (turned) s.rotate_deg = turned;
   }
   if (together()) {
+    ownOnPlate(s, list);
     // Copies of a part would lie in each other.
     Object.assign(s, placing || (list.length > parts.there.length ? {arrange: true} : {}));
     if ($('join').checked) s.overlap = 'join';
@@ -294,6 +307,15 @@ $('check').addEventListener('click', () => during('check', async () => {
   $('checked').hidden = false;
 }));
 
+// Queues jobs; of several those that can be done, where others are refused. Gives the answer, and what was refused.
+async function queueThose(jobs) {
+  try { return [await change('api/v1/jobs', {jobs}), []]; } catch (e) {
+    const bad = new Set((e.errors || []).map((x) => x.job));
+    if (!bad.size || bad.has(undefined) || bad.size === jobs.length) throw e;
+    return [await change('api/v1/jobs', {jobs: jobs.filter((job, n) => !bad.has(n))}), e.errors];
+  }
+}
+
 $('queue').addEventListener('click', () => during('queue', async () => {
   const all = parts.there, prints = together() ? [chosen()] : inside().length ? [chosen()] : all.map((p) => [p]);
   const more = {...moreSettings('job'), ...speed(), ...withPlan()};
@@ -310,15 +332,19 @@ $('queue').addEventListener('click', () => during('queue', async () => {
   });
   if (ownHeights.some((key) => key in more)) for (const job of jobs) delete job.layer_um;
   $('queue-said').textContent = 'reading and checking ' + (jobs.length === 1 ? 'the part' : count(jobs.length) + ' parts');
-  let r;
-  try { r = await change('api/v1/jobs', {jobs}); } catch (e) { $('queue-said').textContent = ''; throw e; }
+  let r, refused = [];
+  try { [r, refused] = await queueThose(jobs); } catch (e) { $('queue-said').textContent = ''; throw e; }
   const rows = [['Job', 'name', 'layers', 'takes about']];
   r.ids.forEach((id, n) => { const e = r.estimates[Math.min(n, r.estimates.length - 1)]; rows.push([id, e.name, count(e.layers), e.duplicate || e.cached ? 'done before' : duration(e.seconds)]); });
   $('queue-said').textContent = r.ids.length === 1 ? 'One job is queued.' : count(r.ids.length) + ' jobs are queued.';
   const farm = el('p'), a = el('a', 'Watch them on the farm');
   a.href = './';
   farm.append(a);
-  $('queued').replaceChildren(tableOf(rows, 'What was queued'), farm);
+  $('queued').replaceChildren(...refused.map(({job, message}) => {
+    const said = el('p', prints[job][0].name + ' was not queued: ' + message.replace(prints[job][0].name + ': ', ''), 'holds');
+    said.setAttribute('role', 'alert');
+    return said;
+  }), tableOf(rows, 'What was queued'), farm);
 }));
 
 for (const [id, view] of [['round', round], ['layer', layers]]) {

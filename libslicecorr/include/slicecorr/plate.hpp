@@ -31,6 +31,13 @@ struct PlateChoices {
   /// least of both, and how many quarters each is turned about z; each stands on the platform. Empty:
   /// not said, or not turned.
   std::vector<double> places_mm, quarter_turns;
+  /// Of each part as it is given (PART*N once), in place of what holds for all: its longest side, mm, or
+  /// the factor on its lengths, 0: as all; and its turns about x, y and z, degrees. Empty: all are alike.
+  std::vector<double> own_fit_mm, own_scale, own_rotate_deg;
+  /// Whether parts have sizes or turns of their own.
+  bool has_own() const {
+    return !own_fit_mm.empty() || !own_scale.empty() || !own_rotate_deg.empty();
+  }
   bool operator==(const PlateChoices&) const = default;
 };
 

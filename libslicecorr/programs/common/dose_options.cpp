@@ -152,9 +152,10 @@ void WantedDoses::read_regions(const DoseOptions& options, const Printer& printe
   // Regions are scaled as the parts are.
   MeshOptions all = meshes;
   if (part) {
-    if (meshes.arranges()) {
+    if (meshes.arranges() || meshes.plate.has_own()) {
       throw InputError(
-          "--region lies beside the parts as their files have them; expected parts that are not arranged");
+          "--region lies beside the parts as their files have them; expected parts that are not arranged, and "
+          "have no sizes or turns of their own");
     }
     place = place_of(part->box_mm(), printer, meshes);
   } else if (!options.designs.empty()) {

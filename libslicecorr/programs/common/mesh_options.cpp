@@ -71,6 +71,23 @@ void MeshOptions::add_plate_to(CLI::App& app, bool copies) {
       ->delimiter(',')
       ->allow_extra_args(false)
       ->check(CLI::IsMember({0, 1, 2, 3}));
+  const std::string each = copies ? "; PART*N counts once" : "";
+  app.add_option("--own-fit-mm", plate.own_fit_mm,
+                 "MM,MM...: the longest side of each part by itself, 0: as all" + each)
+      ->delimiter(',')
+      ->allow_extra_args(false)
+      ->check(number_in(0, 1e5));
+  app.add_option("--own-scale", plate.own_scale,
+                 "F,F...: the factor on the lengths of each part by itself, 0: as all" + each)
+      ->delimiter(',')
+      ->allow_extra_args(false)
+      ->check(number_in(0, 1e9));
+  app.add_option(
+         "--own-rotate-deg", plate.own_rotate_deg,
+         "X,Y,Z,X,Y,Z...: turn each part by itself, as --rotate-deg turns all of them" + each)
+      ->delimiter(',')
+      ->allow_extra_args(false)
+      ->check(number_in(-1e6, 1e6));
 }
 
 namespace {
@@ -97,6 +114,24 @@ std::vector<std::string> MeshOptions::files() const {
     const auto [file, number] = copies_of(part);
     all.insert(all.end(), static_cast<std::size_t>(number), file);
   }
+  return all;
+}
+
+PlateChoices for_copies(const PlateChoices& plate, const std::vector<std::string>& parts) {
+  PlateChoices all = plate;
+  const auto repeat = [&](std::vector<double>& values, std::ptrdiff_t each) {
+    if (values.size() != parts.size() * static_cast<std::size_t>(each)) return;
+    std::vector<double> list;
+    for (std::size_t i = 0; i < parts.size(); ++i) {
+      const auto from = values.begin() + each * static_cast<std::ptrdiff_t>(i);
+      for (int k = copies_of(parts[i]).second; k > 0; --k)
+        list.insert(list.end(), from, from + each);
+    }
+    values = std::move(list);
+  };
+  repeat(all.own_fit_mm, 1);
+  repeat(all.own_scale, 1);
+  repeat(all.own_rotate_deg, 3);
   return all;
 }
 
@@ -153,9 +188,86 @@ Placement MeshOptions::placement() const {
   p.scale = scale;
   if (!rotate_deg.empty()) p.rotate_deg = {rotate_deg[0], rotate_deg[1], rotate_deg[2]};
   if (fit_mm <= 0 || parts.empty()) return p;
-  if (fit_factor_ == 0) fit_factor_ = fit_scale(files(), p, fit_mm);
+  if (fit_factor_ == 0)
+    fit_factor_ = plate.has_own() ? fit_of_others() : fit_scale(files(), p, fit_mm);
   p.scale *= fit_factor_;
   return p;
+}
+
+bool MeshOptions::own_size(std::size_t part) const {
+  return (!plate.own_fit_mm.empty() && plate.own_fit_mm[part] > 0) ||
+         (!plate.own_scale.empty() && plate.own_scale[part] > 0);
+}
+
+Point3 MeshOptions::turn_of(std::size_t part) const {
+  if (!plate.own_rotate_deg.empty()) {
+    const double* const own = &plate.own_rotate_deg[3 * part];
+    return {own[0], own[1], own[2]};
+  }
+  return rotate_deg.empty() ? Point3{} : Point3{rotate_deg[0], rotate_deg[1], rotate_deg[2]};
+}
+
+void MeshOptions::check_own() const {
+  const auto check = [&](const std::vector<double>& values, std::size_t each, const char* what) {
+    if (values.empty() || values.size() == each * parts.size()) return;
+    throw InputError(fmt::format(
+        "{} own {} for {} {}; expected {} for each part as it is given", values.size(), what,
+        parts.size(), parts.size() == 1 ? "part" : "parts", each == 1 ? "one" : "three numbers"));
+  };
+  check(plate.own_fit_mm, 1, plate.own_fit_mm.size() == 1 ? "longest side" : "longest sides");
+  check(plate.own_scale, 1, plate.own_scale.size() == 1 ? "factor" : "factors");
+  check(plate.own_rotate_deg, 3, "numbers of turns");
+  if (!plate.own_rotate_deg.empty() && !rotate_deg.empty()) {
+    throw InputError(
+        "parts are turned one by one (--own-rotate-deg), or all alike (--rotate-deg); expected one of them");
+  }
+  if (plate.own_fit_mm.empty() || plate.own_scale.empty()) return;
+  for (std::size_t i = 0; i < parts.size(); ++i) {
+    if (plate.own_fit_mm[i] > 0 && plate.own_scale[i] > 0) {
+      throw InputError(
+          parts[i], "",
+          "has a longest side and a factor of its own (--own-fit-mm, --own-scale); expected "
+          "one of them");
+    }
+  }
+}
+
+double MeshOptions::fit_of_others() const {
+  check_own();
+  Box box;
+  bool any = false;
+  for (std::size_t i = 0; i < parts.size(); ++i) {
+    if (own_size(i)) continue;
+    any = true;
+    const Placement p{units_named(units), scale, turn_of(i)};
+    box.add(read_mesh(copies_of(parts[i]).first, p));
+  }
+  if (!any) {
+    throw InputError("each part has a size of its own; expected no longest side of all (--fit-mm)");
+  }
+  const double longest =
+      std::max({box.high[0] - box.low[0], box.high[1] - box.low[1], box.high[2] - box.low[2]});
+  if (!(longest > 0)) throw InputError(parts[0], "", "has no size that could be scaled");
+  return fit_mm / longest;
+}
+
+std::vector<PlacedFile> MeshOptions::placed_files() const {
+  const Placement common = placement();
+  if (plate.has_own()) check_own();
+  std::vector<PlacedFile> all;
+  for (std::size_t i = 0; i < parts.size(); ++i) {
+    const auto [file, number] = copies_of(parts[i]);
+    PlacedFile one{file, common};
+    if (plate.has_own()) one.placement.rotate_deg = turn_of(i);
+    if (!plate.own_scale.empty() && plate.own_scale[i] > 0) {
+      one.placement.scale = plate.own_scale[i];
+    } else if (!plate.own_fit_mm.empty() && plate.own_fit_mm[i] > 0) {
+      one.placement.scale = 1;
+      one.placement.scale = fit_scale({file}, one.placement, plate.own_fit_mm[i]);
+    }
+    all.insert(all.end(), static_cast<std::size_t>(number), one);
+  }
+  return all;
 }
 
 SliceOptions MeshOptions::slice_options(Surface surface) const {
@@ -173,6 +285,7 @@ namespace {
 /// A file's part.
 struct ReadPart {
   std::string path;
+  Placement placement;
   TriangleMesh mesh;
   EdgeDefects edge_defects;
   std::string defects;  ///< that change what prints; else empty
@@ -181,13 +294,19 @@ struct ReadPart {
   int quarter_turns = 0;
 };
 
+bool same_size_and_turn(const Placement& a, const Placement& b) {
+  return a.scale == b.scale && a.rotate_deg == b.rotate_deg;
+}
+
 /// All parts as their files place them; each file is read and told once.
 std::vector<ReadPart> read_each(const MeshOptions& options, const ExecutionContext& context) {
   std::vector<ReadPart> all;
-  for (const std::string& path : options.files()) {
+  for (const PlacedFile& file : options.placed_files()) {
+    const std::string& path = file.path;
     context.check_cancelled();
-    const auto same =
-        std::find_if(all.begin(), all.end(), [&](const ReadPart& p) { return p.path == path; });
+    const auto same = std::find_if(all.begin(), all.end(), [&](const ReadPart& p) {
+      return p.path == path && same_size_and_turn(p.placement, file.placement);
+    });
     if (same != all.end() && options.places()) {
       const ReadPart copy = *same;
       all.push_back(copy);
@@ -196,7 +315,8 @@ std::vector<ReadPart> read_each(const MeshOptions& options, const ExecutionConte
     }
     ReadPart& part = all.emplace_back();
     part.path = path;
-    part.mesh = read_mesh(path, options.placement(), context, &part.notes);
+    part.placement = file.placement;
+    part.mesh = read_mesh(path, file.placement, context, &part.notes);
     const MeshReport r = part.report = inspect(part.mesh, context, &part.edge_defects);
     context.tell(fmt::format("{}: {} {}, {} {}, {:.3f} x {:.3f} x {:.3f} mm", path, r.triangles,
                              r.triangles == 1 ? "triangle" : "triangles", r.bodies,
@@ -394,9 +514,10 @@ MeshSlices slice_parts(const MeshOptions& options, const Printer& printer, Surfa
                        const ExecutionContext& context, PartFacts* facts) {
   place.placement = options.placement();
   place.antialias = options.antialias == "on";
-  if (options.places() && !left_alone.empty()) {
+  if ((options.places() || options.plate.has_own()) && !left_alone.empty()) {
     throw InputError(
-        "what is left alone lies beside the parts as their files have them; expected parts that are not arranged");
+        "what is left alone lies beside the parts as their files have them; expected parts that are not "
+        "arranged, and have no sizes or turns of their own");
   }
   std::vector<ReadPart> each = parts_of_plate(options, printer, context);
   const SliceOptions slicing = slicing_of(options, surface, each);

@@ -16,6 +16,12 @@
 
 namespace slicecorr::cli {
 
+/// A file of a plate, and how its mesh is scaled and turned.
+struct PlacedFile {
+  std::string path;
+  Placement placement;
+};
+
 struct MeshOptions {
   std::vector<std::string> parts;
   double layer_um = 0;
@@ -46,12 +52,23 @@ struct MeshOptions {
   /// Where `fit_mm` is set, the first call reads the parts for their size; copies made after that
   /// scale other meshes alike. Throws as `read_mesh`.
   Placement placement() const;
+  /// The files of all parts as `files()`, each with its own size and turn, where it has one. Throws as
+  /// `read_mesh`, and where what parts have of their own does not fit their number.
+  std::vector<PlacedFile> placed_files() const;
   /// `surface`: mesh gives targets edge heights.
   SliceOptions slice_options(Surface surface) const;
 
  private:
+  bool own_size(std::size_t part) const;
+  Point3 turn_of(std::size_t part) const;
+  void check_own() const;
+  /// The factor of `fit_mm` on the parts that have no size of their own.
+  double fit_of_others() const;
   mutable double fit_factor_ = 0;  ///< 0: not known yet
 };
+
+/// What parts have of their own, said once for each of `MeshOptions::files`.
+PlateChoices for_copies(const PlateChoices& plate, const std::vector<std::string>& parts);
 
 struct PlateParts {
   TriangleMesh mesh;

@@ -87,6 +87,16 @@ TEST_F(FirstDay, WordsWithASlipAreNamed) {
   EXPECT_NE(unlike.err.find("expected one of slice, correct,"), std::string::npos) << unlike.err;
   EXPECT_NE(unlike.err.find(", tomo, "), std::string::npos) << unlike.err;
   EXPECT_EQ(unlike.err.find("solve"), std::string::npos) << unlike.err;
+  // Words that people use for commands of ours, with a slip, too.
+  bad(2, {"predict"}, {"'predict' is no command; did you mean 'verify'?"});
+  for (const auto& [word, command] : {std::pair{"wroker", "run"}, {"queue", "status"}}) {
+    const RunResult r = farm({word});
+    EXPECT_NE(r.err.find(std::string("did you mean '") + command + "'?"), std::string::npos)
+        << r.err;
+  }
+  // A name that is begun, without its dashes, is no slip of a shorter one.
+  bad(2, Command{"slice", "ladder.stl", "-o", "t.uvj", "--printer", "elegoo-mars4"} + kLayers,
+      {"did you mean 'elegoo-mars-4-max'?"});
   // What is not for people is not offered.
   const RunResult of_the_farm = farm({"qwertyuiop"});
   EXPECT_EQ(of_the_farm.err.find("worker"), std::string::npos) << of_the_farm.err;

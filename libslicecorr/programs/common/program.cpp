@@ -100,6 +100,23 @@ std::string commands_of(const CLI::App& group) {
   return names;
 }
 
+/// What people call commands: the command of the program that is meant.
+struct AlsoCalled {
+  std::string_view program, word, command;
+};
+constexpr AlsoCalled kAlsoCalled[] = {
+    {"slicecorr", "predict", "verify"},   {"slicecorr", "fix", "correct"},
+    {"slicecorr", "view", "section"},     {"slicecorr", "preview", "section"},
+    {"slicecorr", "speed", "plan"},       {"slicecorr", "inspect", "info"},
+    {"slicefarm", "worker", "run"},       {"slicefarm", "work", "run"},
+    {"slicefarm", "start", "run"},        {"slicefarm", "add", "submit"},
+    {"slicefarm", "queue", "status"},     {"slicefarm", "list", "status"},
+    {"slicefarm", "server", "serve"},     {"slicefarm", "web", "serve"},
+    {"slicefarm", "delete", "cancel"},    {"slicefarm", "remove", "cancel"},
+    {"slicefarm", "printers", "machines"},
+    {"printbridge", "start", "print"},    {"printbridge", "run", "print"},
+    {"printbridge", "continue", "resume"}};
+
 /// The closest of these, empty where none is close.
 std::string nearest(const std::string& word, const std::vector<std::string>& names) {
   const std::vector<std::string_view> views(names.begin(), names.end());
@@ -261,7 +278,19 @@ std::string Program::no_command(const CLI::App& group, const std::string& word) 
   for (const CLI::App* const command : group.get_subcommands(is_command)) {
     names.push_back(command->get_name());
   }
-  const std::string near = nearest(word, names);
+  std::string near = nearest(word, names);
+  if (near.empty()) {
+    std::vector<std::string> words;
+    for (const AlsoCalled& also : kAlsoCalled) {
+      if (also.program == group.get_name()) words.emplace_back(also.word);
+    }
+    const std::string called = nearest(word, words);
+    for (const AlsoCalled& also : kAlsoCalled) {
+      if (!called.empty() && also.program == group.get_name() && also.word == called) {
+        near = also.command;
+      }
+    }
+  }
   if (!near.empty()) return fmt::format("'{}' is no command; did you mean '{}'?", word, near);
   return fmt::format("'{}' is no command; expected one of {}", word, commands_of(group));
 }

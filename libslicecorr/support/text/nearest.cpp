@@ -7,6 +7,15 @@
 #include <vector>
 
 namespace slicecorr {
+namespace {
+
+std::string without_dashes(std::string_view word) {
+  std::string letters(word);
+  std::erase_if(letters, [](char c) { return c == '-' || c == '_'; });
+  return letters;
+}
+
+}  // namespace
 
 std::string nearest(std::string_view word, std::span<const std::string_view> known) {
   std::string best;
@@ -28,6 +37,12 @@ std::string nearest(std::string_view word, std::span<const std::string_view> kno
       least = row.back();
       best = candidate;
     }
+  }
+  if (best.empty()) return best;
+  // "mars4" is the beginning of "mars-4-max" rather than a slip of "mars".
+  const std::string letters = without_dashes(word);
+  for (const std::string_view candidate : known) {
+    if (without_dashes(candidate).starts_with(letters)) return std::string(candidate);
   }
   return best;
 }

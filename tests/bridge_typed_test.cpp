@@ -138,5 +138,59 @@ TEST_F(BridgePrograms, WhatTheMachineRefusesIsSaidBeforeTheWork) {
   EXPECT_THAT(corrected("2000", {"--ramp", "none"}).err, HasSubstr("will refuse"));
 }
 
+// Lamps that warm up behind black, shine behind black around exposures, or give UV light within a range.
+TEST_F(BridgePrograms, WhatTheLampsRefuseIsSaidBeforeTheWork) {
+  part_cell_mm = 1;
+  struct Case {
+    const char* name;
+    std::vector<std::pair<std::string, std::string>> changes;
+    std::vector<std::string> with;
+    const char* words;
+  };
+  const std::vector<std::string> layers{"--resin", "figure-2-2", "--mode",       "layerwise",
+                                        "--lifts", "none",       "--exposure-s", "1"};
+  const std::vector<Case> cases{
+      {"warm",
+       {{"settle_s = 0.005\nwarm_up_s = 0", "settle_s = 0.005\nwarm_up_s = 900"}},
+       {"--resin", "figure-2-2", "--speed-mm-h", "500"},
+       "the blue lamp warms up for 900 s behind black, which still gives 1 mW/cm²"},
+      {"dim",
+       {{"[lamps.uv]\n", "[lamps.uv]\nmin_share = 0.9\n"}},
+       {"--resin", "custom-resin-1", "--speed-mm-h", "60", "--uv-mw-cm2", "200"},
+       "the stack asks for 200 to 200 mW/cm² of UV light, the lamp of printer"},
+      {"slow",
+       {{"settle_s = 0.005\nwarm_up_s = 0", "settle_s = 20\nwarm_up_s = 0.1"}},
+       layers,
+       "shines behind black for 20055 ms more in each layer (cycle_s, warm_up_s)"}};
+  for (const Case& c : cases) {
+    SCOPED_TRACE(c.name);
+    const std::string printer = make_printer(c.name, c.changes);
+    const std::string stack = make_stack(printer, c.name, c.with);
+    std::vector<std::string> again{program("slicecorr"),
+                                   "correct",
+                                   folder / (std::string(c.name) + "-target.uvj"),
+                                   "-o",
+                                   folder / "told.uvj",
+                                   "--printer",
+                                   printer};
+    again.insert(again.end(), c.with.begin(), c.with.end());
+    EXPECT_THAT(run_program(again).err,
+                HasSubstr(std::string("printbridge will refuse this print: ")));
+    EXPECT_THAT(run_program(again).err, HasSubstr(c.words));
+    if (c.name == std::string("warm")) {
+      const RunResult planned = run_program({program("slicecorr"), "plan", make_part(), "--printer",
+                                             printer, "--resin", "figure-2-2", "--layer-um", "50",
+                                             "--antialias", "off", "--gap-contrast", "0"});
+      EXPECT_EQ(planned.exit_code, 3) << planned.out;
+      EXPECT_THAT(planned.err, HasSubstr(c.words));
+    }
+    Sim sim = start_sim(printer, true);
+    const RunResult refused = run_program(print_command(stack, printer, sim, true, {"--dry-run"}));
+    EXPECT_EQ(refused.exit_code, 3) << refused.err;
+    EXPECT_THAT(refused.err, HasSubstr(c.words));
+    EXPECT_EQ(sim.child->end(SIGTERM), 0);
+  }
+}
+
 }  // namespace
 }  // namespace slicecorr

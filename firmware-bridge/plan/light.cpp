@@ -12,7 +12,7 @@
 #include "slicecorr/cure.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/inhibited.hpp"
-#include "slicecorr/light_unit.hpp"
+#include "slicecorr/machine_light.hpp"
 #include "slicecorr/place_models.hpp"
 
 namespace slicecorr::bridge {
@@ -20,71 +20,6 @@ namespace {
 
 /// Relative difference of intensities and dead zones that comes of rounding.
 constexpr double kSlack = 1e-6;
-/// Share of the dose that gels which black may give while the lamp shines around exposures.
-constexpr double kMostBlackExcess = 0.05;
-
-/// UV light of a slice by the schedule: of a lamp that floods the window.
-double flood_mw_cm2(const UvSchedule& uv, const Kinetics& kinetics, double full_mw_cm2, int n) {
-  if (uv.kind == UvKind::per_slice && !uv.slice_mw_cm2.empty()) {
-    const auto last = uv.slice_mw_cm2.size() - 1;
-    return uv.slice_mw_cm2[std::min(static_cast<std::size_t>(n), last)];
-  }
-  return uv.uv_mw_cm2 > 0 ? uv.uv_mw_cm2 : uv_for_dead_zone(kinetics, full_mw_cm2, uv.dead_zone_um);
-}
-
-/// Layer by layer: light of black outside of the exposures.
-void check_black(PrintPlan& plan, const StackInfo& info, const Machine& machine) {
-  if (plan.mode != ExposureMode::layerwise || plan.uv || !(plan.black_mw_cm2 > 0)) return;
-  // The lamp goes off a cycle or two after the image has gone; one that warms up is on before it.
-  const double cycle_s = machine.limits.cycle_s;
-  double time_s = 1.5 * cycle_s;
-  if (machine.blue.warm_up_s > 0) time_s += machine.blue.settle_s + 4 * cycle_s;
-  const Kinetics k = make_kinetics(*info.resin, false, true);
-  plan.black_excess = dose_prime_at(k, plan.black_mw_cm2, 0, 0, time_s) / k.critical_dose_prime /
-                      -std::expm1(-k.m * plan.layer_um / k.hb_um);
-  if (plan.black_excess <= kMostBlackExcess) return;
-  throw InfeasibleError(fmt::format(
-      "the lamp of printer '{}' shines behind black for {:.0f} ms more in each layer (cycle_s{}), "
-      "which adds up to {:.1f} % of the dose that gels; {:g} % are borne",
-      machine.printer.name, time_s * 1e3, machine.blue.warm_up_s > 0 ? ", warm_up_s" : "",
-      plan.black_excess * 100, kMostBlackExcess * 100));
-}
-
-/// The blue lamp warms up behind black, which may give light, too.
-void check_warm_up(const PrintPlan& plan, const StackInfo& info, const Machine& machine) {
-  if (!(plan.black_mw_cm2 > 0) || plan.uv || !(machine.blue.warm_up_s > 0)) return;
-  // At the window the resin gains dose fastest.
-  const Kinetics k = make_kinetics(*info.resin, false, false);
-  const double dose =
-      dose_prime_at(k, plan.black_mw_cm2, 0, 0, machine.blue.warm_up_s) / k.critical_dose_prime;
-  if (dose > 0.5) {
-    throw InfeasibleError(fmt::format(
-        "the blue lamp warms up for {:g} s behind black, which still gives {:g} {}: {:.0f} % "
-        "of the dose that gels the resin; 50 % are borne",
-        machine.blue.warm_up_s, plan.black_mw_cm2, unit_of_light(info.resin->unit), dose * 100));
-  }
-}
-
-/// UV light that the lamp gives. `least_share`: of its greatest intensity.
-void check_uv_range(const PrintPlan& plan, const Machine& machine, double least_share) {
-  double least = plan.frames.front().uv_mw_cm2, greatest = least;
-  for (std::size_t n = 0; n < plan.frames.size(); ++n) {
-    // It follows the speed as blue light does.
-    const double share =
-        lamp_share(plan, LampDrive{}, plan.speed_at(static_cast<int>(n)), static_cast<int>(n));
-    least = std::min(least, plan.frames[n].uv_mw_cm2 * (plan.slice_speed_um_s.empty() ? 1 : share));
-    greatest = std::max(greatest, plan.frames[n].uv_mw_cm2);
-  }
-  if (greatest > plan.uv_max_mw_cm2 * (1 + kSlack) ||
-      least < least_share * plan.uv_max_mw_cm2 * (1 - kSlack)) {
-    throw InfeasibleError(fmt::format(
-        "the stack asks for {:.4g} to {:.4g} mW/cm² of UV light, the lamp of printer '{}' gives "
-        "{:.4g} to {:.4g}",
-        least, greatest, machine.printer.name, least_share * plan.uv_max_mw_cm2,
-        plan.uv_max_mw_cm2));
-  }
-}
-
 /// What a frame says of light: whether it is lit, its UV light, and whether that keeps resin off
 /// the window. Frames may be planned on any threads at once.
 class FrameLight {
@@ -210,11 +145,12 @@ void plan_light(PrintPlan& plan, const StackReader& stack, const Machine& machin
   plan.uv_patterned = process.uv.kind == UvKind::patterned;
   if (printer.uv) plan.uv_max_mw_cm2 = printer.uv->max_mw_cm2();
 
-  check_warm_up(plan, info, machine);
+  const MachineMotion motion = motion_of(machine);
+  const LitPrint print{printer, *info.resin, process, plan.layer_um,
+                       static_cast<int>(plan.frames.size())};
+  check_black_light(print, motion);
+  plan.black_excess = black_excess(print, motion);
   const FrameLight light(plan, stack, machine);
-  const double uv_least_share =
-      plan.uv ? std::max(machine.uv.min_share, printer.uv->min_mw_cm2() / plan.uv_max_mw_cm2) : 0;
-  check_black(plan, info, machine);
 
   std::mutex failing;
   int first_bad = -1;
@@ -229,7 +165,10 @@ void plan_light(PrintPlan& plan, const StackReader& stack, const Machine& machin
     bad = wrong;
   });
   if (first_bad >= 0) throw InfeasibleError(bad);
-  if (plan.uv) check_uv_range(plan, machine, uv_least_share);
+  if (!plan.uv) return;
+  std::vector<double> uv_mw_cm2;
+  for (const FramePlan& frame : plan.frames) uv_mw_cm2.push_back(frame.uv_mw_cm2);
+  check_uv_range(print, motion, uv_mw_cm2);
 }
 
 }  // namespace slicecorr::bridge

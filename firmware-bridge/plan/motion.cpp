@@ -17,24 +17,6 @@ double height_um(const PrintPlan& plan) {
   return static_cast<double>(plan.frames.size()) * plan.layer_um;
 }
 
-/// What the rules that planners and corrections share know of the machine.
-MachineMotion motion_of(const Machine& machine) {
-  const Stage& stage = machine.stage;
-  MachineMotion m;
-  m.printer = machine.printer.name;
-  m.max_speed_um_s = stage.max_speed_um_s;
-  m.travel_um = stage.travel_um;
-  m.acceleration_um_s2 = stage.acceleration_um_s2;
-  m.home_um = stage.home_um;
-  m.cycle_s = machine.limits.cycle_s;
-  m.max_late_um = machine.limits.max_late_um;
-  m.least_blue_share = machine.blue.min_share;
-  if (const auto& uv = machine.printer.uv) {
-    m.least_uv_share = std::max(machine.uv.min_share, uv->min_mw_cm2() / uv->max_mw_cm2());
-  }
-  return m;
-}
-
 void plan_layers(PrintPlan& plan, const Process& process, const Machine& machine) {
   const Stage& stage = machine.stage;
   plan.speed_um_s = stage.lift_speed_um_s;
@@ -84,6 +66,25 @@ double passing_s(const PrintPlan& plan, bool rests) {
 }
 
 }  // namespace
+
+MachineMotion motion_of(const Machine& machine) {
+  const Stage& stage = machine.stage;
+  MachineMotion m;
+  m.printer = machine.printer.name;
+  m.max_speed_um_s = stage.max_speed_um_s;
+  m.travel_um = stage.travel_um;
+  m.acceleration_um_s2 = stage.acceleration_um_s2;
+  m.home_um = stage.home_um;
+  m.cycle_s = machine.limits.cycle_s;
+  m.max_late_um = machine.limits.max_late_um;
+  m.least_blue_share = machine.blue.min_share;
+  m.blue_warm_up_s = machine.blue.warm_up_s;
+  m.blue_settle_s = machine.blue.settle_s;
+  if (const auto& uv = machine.printer.uv) {
+    m.least_uv_share = std::max(machine.uv.min_share, uv->min_mw_cm2() / uv->max_mw_cm2());
+  }
+  return m;
+}
 
 void plan_motion(PrintPlan& plan, const StackInfo& info, const Machine& machine) {
   const Process& process = *info.process;

@@ -20,6 +20,7 @@
 #include "slicecorr/kinetics.hpp"
 #include "slicecorr/light_spreads.hpp"
 #include "slicecorr/limit.hpp"
+#include "slicecorr/machine_light.hpp"
 
 namespace slicecorr {
 
@@ -160,7 +161,10 @@ void keep_to_machine(PrintPlan& plan) {
   const auto& machine = plan.ask.stage.motion;
   if (!machine) return;
   plan.setup = detail::as_machine_moves(std::move(plan.setup), plan.ask.stage);
-  print_motion(moved(plan.setup, plan, plan.layers + plan.at.extra_slices), *machine);
+  const int slices = plan.layers + plan.at.extra_slices;
+  print_motion(moved(plan.setup, plan, slices), *machine);
+  check_lamps({plan.setup.printer, plan.setup.resin, plan.setup.process, plan.layer_um, slices},
+              *machine);
 }
 
 /// Slices that draw more than the vat bears go slower.

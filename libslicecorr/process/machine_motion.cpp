@@ -261,15 +261,17 @@ std::optional<MachineMotion> parse_machine_motion(const std::string& text,
     machine.cycle_s = bridge->number("cycle_s", 0.001, 0.1, true).value_or(machine.cycle_s);
     machine.max_late_um = bridge->number("max_late_um", 0, 1e4).value_or(machine.max_late_um);
   }
-  const auto share = [&](const char* lamp) {
+  const auto of_lamp = [&](const char* lamp, const char* key, double most, double otherwise) {
     const auto lamps = root.table("lamps");
     const auto table = lamps ? lamps->table(lamp) : std::nullopt;
-    return table ? table->number("min_share", 0, 1, true).value_or(0) : 0.0;
+    return table ? table->number(key, 0, most, true).value_or(otherwise) : otherwise;
   };
-  machine.least_blue_share = share("blue");
+  machine.least_blue_share = of_lamp("blue", "min_share", 1, 0);
+  machine.blue_warm_up_s = of_lamp("blue", "warm_up_s", 3600, 0);
+  machine.blue_settle_s = of_lamp("blue", "settle_s", 60, machine.blue_settle_s);
   if (printer.uv) {
-    machine.least_uv_share =
-        std::max(share("uv"), printer.uv->min_mw_cm2() / printer.uv->max_mw_cm2());
+    machine.least_uv_share = std::max(of_lamp("uv", "min_share", 1, 0),
+                                      printer.uv->min_mw_cm2() / printer.uv->max_mw_cm2());
   }
   return machine;
 }

@@ -34,6 +34,8 @@ struct MachineMotion {
   double max_late_um = 5;         ///< > 0: what may stay dark at an end of a ramp
   double least_blue_share = 0;    ///< 0..1: of the lamp's light; below it is dark
   double least_uv_share = 0;      ///< 0..1: the same of its greatest UV light
+  double blue_warm_up_s = 0;      ///< 0: gives all its light at once
+  double blue_settle_s = 0.05;    ///< until light is what is asked, when warm
   bool operator==(const MachineMotion&) const = default;
 };
 /// Of the text of a printer file; nothing where it has no [modbus], so that nothing is driven by it, or

@@ -14,6 +14,7 @@
 #include "programs/common/program.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/kinetics.hpp"
+#include "slicecorr/machine_light.hpp"
 #include "slicecorr/machine_motion.hpp"
 #include "slicecorr/mesh.hpp"
 #include "slicecorr/same_light.hpp"
@@ -308,6 +309,7 @@ std::string refused_by_machine(const Setup& setup, const std::string& printer, c
     print_motion(
         {setup.process, m, setup.resin.absorbance_height10_um, grid.layer_um, grid.layers, names},
         *machine);
+    check_lamps({setup.printer, setup.resin, setup.process, grid.layer_um, grid.layers}, *machine);
   } catch (const InfeasibleError& e) {
     return e.what();
   }

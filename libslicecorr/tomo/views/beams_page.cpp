@@ -15,6 +15,7 @@
 #include "support/numbers/bracket.hpp"
 #include "support/page/html_page.hpp"
 #include "support/text/display_text.hpp"
+#include "tomo/views/dose_histogram.hpp"
 #include "tomo/views/gel_cells.hpp"
 #include "tomo/views/page_text.hpp"
 
@@ -23,9 +24,6 @@ namespace slicecorr::tomo {
 namespace {
 
 using chart::figure;
-using chart::Panel;
-using chart::Picture;
-using chart::Style;
 using namespace page;
 
 /// Pixels along the longer side of a picture of a beam.
@@ -226,36 +224,23 @@ Markup sections(const BeamReport& r, double gels) {
 
 /// How many cells have how much light.
 Markup histogram(const BeamReport& r, double gels) {
-  constexpr std::size_t kBins = 80;
-  double most = gels;
+  double most = 0;
   for (const float v : r.light.values) most = std::max(most, v * r.job.brightest_mw_cm2);
-  most *= 1.02;
-  std::vector<double> inside(kBins), outside(kBins);
+  detail::DoseHistogram light(most, gels);
   for (std::size_t k = 0; k < r.part.values.size(); ++k) {
-    const double light = r.light.values[k] * r.job.brightest_mw_cm2;
-    const auto bin = std::min(kBins - 1, static_cast<std::size_t>(light / most * kBins));
-    if (r.part.values[k] == 255) ++inside[bin];
-    if (r.part.values[k] == 0) ++outside[bin];
+    if (r.part.values[k] == 255 || r.part.values[k] == 0) {
+      light.add(r.light.values[k] * r.job.brightest_mw_cm2, r.part.values[k] == 255);
+    }
   }
-  double tallest = 10;
-  for (const auto* bins : {&inside, &outside}) {
-    for (const double n : *bins) tallest = std::max(tallest, n);
-  }
-  Panel panel({"light, mW/cm²", false, 0, most}, {"cells", true, 0.7, tallest * 1.5}, 260);
-  panel.bins(outside, most, 0);
-  panel.bins(inside, most, 1);
-  panel.vertical(gels, "gels");
-  Picture picture("Light of the part and outside",
-                  "How many cells have how much light, on a logarithmic scale.");
-  picture.legend_band(Style::series, "outside", 0);
-  picture.legend_band(Style::series, "part", 1);
-  picture.add(panel);
-  picture.note(
-      "To the right of the line resin gels by the end of the exposure: all of the part should lie "
-      "there, nothing else.");
-  return markup("<h2>Light</h2>{}",
-                drawing(picture.svg(),
-                        "All cells of the vat; grey ones, which are partly part, are in neither."));
+  const std::string svg = light.svg(
+      {"Light of the part and outside",
+       "How many cells have how much light, on a logarithmic scale.", "light, mW/cm²", "cells",
+       "outside",
+       "To the right of the line resin gels by the end of the exposure: all of the part should lie "
+       "there, nothing else."});
+  return markup(
+      "<h2>Light</h2>{}",
+      drawing(svg, "All cells of the vat; grey ones, which are partly part, are in neither."));
 }
 
 detail::RoundSource round_of(const BeamReport& r, const GelTimeOf& gel_time) {

@@ -17,6 +17,7 @@
 #include "support/chart/chart.hpp"
 #include "support/page/html_page.hpp"
 #include "support/text/display_text.hpp"
+#include "tomo/views/dose_histogram.hpp"
 #include "tomo/views/gel_cells.hpp"
 #include "tomo/views/page_text.hpp"
 
@@ -116,40 +117,25 @@ Markup tiles(const PrintFigures& f) {
 /// How many voxels of part and void have which dose.
 std::string histogram_svg(const Printed& p) {
   const Box<std::uint8_t>& part = p.job.part;
-  constexpr std::size_t kBins = 80;
-  const double most =
-      std::max({p.figures.metrics.max_gel, p.figures.metrics.max_void, p.figures.gel_dose_mj_cm3}) *
-      1.02;
-  std::vector<double> gel(kBins), empty(kBins);
+  const PrintFigures& f = p.figures;
+  detail::DoseHistogram doses(std::max(f.metrics.max_gel, f.metrics.max_void), f.gel_dose_mj_cm3);
   for (int z = 0; z < part.nz; ++z) {
     for (int y = 0; y < part.ny; ++y) {
       for (int x = 0; x < part.nx; ++x) {
         const std::size_t k = part.at(z, y, x);
         if (!in_resin(part, x, y)) continue;
         if (!p.job.insert.values.empty() && p.job.insert.values[k] > 0) continue;
-        const auto bin = std::min(
-            kBins - 1, static_cast<std::size_t>(std::max(0.0, p.dose.values[k] / most * kBins)));
-        if (part.values[k] == 255) ++gel[bin];
-        if (part.values[k] == 0) ++empty[bin];
+        if (part.values[k] == 255 || part.values[k] == 0) {
+          doses.add(p.dose.values[k], part.values[k] == 255);
+        }
       }
     }
   }
-  double tallest = 10;
-  for (const auto* bins : {&gel, &empty}) {
-    for (const double n : *bins) tallest = std::max(tallest, n);
-  }
-  Panel panel({"dose, mJ/cm³", false, 0, most}, {"voxels", true, 0.7, tallest * 1.5}, 260);
-  panel.bins(empty, most, 0);
-  panel.bins(gel, most, 1);
-  panel.vertical(p.figures.gel_dose_mj_cm3, "gels");
-  Picture picture(
-      "Doses of part and void",
-      "How many voxels have which dose at the end of the print, on a logarithmic scale.");
-  picture.legend_band(Style::series, "void", 0);
-  picture.legend_band(Style::series, "part", 1);
-  picture.add(panel);
-  picture.note("To the right of the line resin gels: all of the part should lie there, no void.");
-  return picture.svg();
+  return doses.svg(
+      {"Doses of part and void",
+       "How many voxels have which dose at the end of the print, on a logarithmic scale.",
+       "dose, mJ/cm³", "voxels", "void",
+       "To the right of the line resin gels: all of the part should lie there, no void."});
 }
 
 std::string convergence_svg(const std::vector<Step>& history) {

@@ -257,11 +257,15 @@ class DrivenPage {
         call("DOM.querySelector", {{"nodeId", root["root"]["nodeId"]}, {"selector", selector}});
     call("DOM.setFileInputFiles", {{"nodeId", node["nodeId"]}, {"files", paths}});
   }
+  /// Asks the protocol itself.
+  Json ask(const std::string& method, Json params = Json::object()) {
+    return call(method, std::move(params));
+  }
   /// One key, down and up: "Tab", "Enter", "ArrowLeft", "+".
   void key(const std::string& name) {
     static const std::map<std::string, int> codes{
         {"Tab", 9},         {"Enter", 13},     {"ArrowLeft", 37}, {"ArrowUp", 38},
-        {"ArrowRight", 39}, {"ArrowDown", 40}, {"PageUp", 33}};
+        {"ArrowRight", 39}, {"ArrowDown", 40}, {"PageUp", 33},    {" ", 32}};
     const auto code = codes.find(name);
     Json down{{"type", "keyDown"}, {"key", name}};
     if (code != codes.end()) down["windowsVirtualKeyCode"] = code->second;

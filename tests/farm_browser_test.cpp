@@ -2,14 +2,14 @@
 // SPDX-License-Identifier: Apache-2.0
 
 // A lab's day in a real browser: parts, plate, speed, before and after, queue, resins, printers, machines.
+#include "farm_browser.hpp"
+
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <nlohmann/json.hpp>
 
-#include "devtools.hpp"
-#include "farm_served.hpp"
 #include "ladder.hpp"
 #include "slicecorr/stack.hpp"
 
@@ -28,77 +28,7 @@ constexpr const char* kSaidInSight =
     "(() => { const r = document.getElementById('said-here').getBoundingClientRect(); return r.top >= 0 "
     "&& r.bottom <= innerHeight; })()";
 
-const std::string kSubmit(40, 's'), kOperate(40, 'p');
-
-class Browser : public ::testing::Test {
- protected:
-  void SetUp() override {
-    if (chromium().empty()) GTEST_SKIP() << "chromium is not installed (scripts/setup --all)";
-    fs::create_directories(farm_.root + "/db");
-    ::setenv("SLICECORR_DB", (farm_.root + "/db").c_str(), 1);
-    options_.accounts = {{"sam", Role::submit, kSubmit}, {"pia", Role::operate, kOperate}};
-    options_.submit = make_submitter({farm_.folder, {}, "web"});
-    // The programs as they are, but for a machine that is always ready.
-    options_.children.programs = farm_.root + "/programs";
-    fs::create_directories(options_.children.programs);
-    for (const char* program : {"slicecorr", "slicefarm", "resinctl"}) {
-      fs::create_symlink(std::string(SLICECORR_BIN_DIR) + "/" + program,
-                         options_.children.programs + "/" + program);
-    }
-    const std::string bridge = options_.children.programs + "/printbridge";
-    test::write_file(bridge,
-                     "#!/bin/sh\n[ $1 = status ] && echo '{\"running\": false, \"phase\": "
-                     "\"done\"}'\nexit 0\n");
-    fs::permissions(bridge, fs::perms::owner_all);
-  }
-  void TearDown() override { ::unsetenv("SLICECORR_DB"); }
-
-  void serve() {
-    served_ = std::make_unique<Served>(farm_, options_);
-    page_ = std::make_unique<DrivenPage>();
-    page_->look_like(1300, 900, false);
-  }
-  std::string at(const std::string& path) const {
-    return fmt::format("http://127.0.0.1:{}{}", served_->port, path);
-  }
-  void open(const std::string& path) {
-    page_->open(at(path));
-    page_->wait_for("document.body.dataset.ready === 'yes'");
-  }
-  void sign_in(const std::string& token) {
-    page_->click("#who button");
-    page_->set("token", token);
-    page_->click("#ask button");
-    page_->wait_for("document.body.dataset.ready === 'yes' && me.role !== 'look'");
-  }
-  /// The page as it is now on a desk and on a phone, light and dark, by day one of both each;
-  /// nothing is wider than a phone.
-  void pictures(const std::string& name) {
-    const fs::path out = fs::path(SLICECORR_BIN_DIR).parent_path() / "farm-pictures";
-    for (const int width : {400, 1300}) {
-      for (const bool dark : {false, true}) {
-        if (!slicecorr::test::by_night() && dark != (width == 400)) continue;
-        page_->look_like(width, 900, dark);
-        ::usleep(300'000);  // pictures are drawn anew
-        EXPECT_EQ(page_->eval("document.documentElement.scrollWidth"), width) << name;
-        page_->picture(out / fmt::format("{}-{}-{}.png", name, width, dark ? "dark" : "light"));
-      }
-    }
-    page_->look_like(1300, 900, false);
-  }
-  void see(const std::string& id) {
-    page_->wait_for("!document.getElementById('" + id +
-                    "').hidden || !trouble.hidden || document.getElementById('said-here') || " +
-                    "document.querySelector('.controls .holds')");
-    ASSERT_EQ(page_->eval("document.getElementById('" + id + "').hidden"), false)
-        << page_->text("all");
-  }
-
-  Farm farm_;
-  ServeOptions options_;
-  std::unique_ptr<Served> served_;
-  std::unique_ptr<DrivenPage> page_;
-};
+using Browser = LabInABrowser;
 
 TEST_F(Browser, PartsAreMovedOnThePlate) {
   serve();
@@ -598,8 +528,14 @@ TEST_F(Browser, OneBadPartOfThreeIsNamedAndTheOthersGoOn) {
   test::write_file(farm_.root + "/broken.stl", std::string(200, 'x'));
   open("/print");
   sign_in(kSubmit);
-  page_->choose_files("#files", {ladder, farm_.root + "/broken.stl", block});
-  page_->wait_for("parts.there.length === 3");
+  // Refused later than one that can't be read: too thin to be sliced.
+  TriangleMesh sheet;
+  slicecorr::test::add_box(sheet, {-1, -1, 0}, {1, 1, 0.001});
+  slicecorr::test::write_stl(farm_.root + "/flat.stl", sheet);
+  page_->choose_files("#files",
+                      {ladder, farm_.root + "/broken.stl", block, farm_.root + "/flat.stl"});
+  page_->wait_for("parts.there.length === 4");
+  page_->set("fit_mm", "3");
   page_->set("printer", "dual-wavelength-dlp");
   page_->set("resin", "benchy-resin");
   page_->set("speed", "400");
@@ -610,16 +546,43 @@ TEST_F(Browser, OneBadPartOfThreeIsNamedAndTheOthersGoOn) {
   EXPECT_EQ(page_->text("queue-said"), "2 jobs are queued.");
   const std::string said = page_->text("queued");
   EXPECT_THAT(said, HasSubstr("broken.stl was not queued: "));
+  EXPECT_THAT(said, HasSubstr("flat.stl was not queued: The part is "));
   EXPECT_THAT(said, Not(HasSubstr(farm_.root)));
   EXPECT_THAT(said, Not(HasSubstr("upload")));
   EXPECT_EQ(page_->eval("document.querySelector('#queued [role=alert]') !== null"), true);
   EXPECT_EQ(farm_.model().jobs({}).size(), 2U);
-  // Alone it is refused, at the button; together on a plate it is named.
+  // Together on a plate it is named.
   page_->click("input[name=how][value=plate]");
   page_->click("#look");
   page_->wait_for("document.getElementById('said-here')");
   EXPECT_THAT(page_->text("said-here"), HasSubstr("broken.stl: "));
   EXPECT_THAT(page_->text("said-here"), Not(HasSubstr(farm_.root)));
+}
+
+TEST_F(Browser, ASlicersFileBringsItsExposures) {
+  const std::string file = farm_.root + "/part.ctb";
+  const auto made = slicecorr::test::run_program({std::string(SLICECORR_BIN_DIR) + "/slicecorr",
+                                                  "testpart", "f", "--printer", "elegoo-mars",
+                                                  "--exposure-s", "2.5", "-o", file});
+  ASSERT_EQ(made.exit_code, 0) << made.err;
+  serve();
+  open("/print");
+  sign_in(kSubmit);
+  page_->set("printer", "elegoo-mars");
+  page_->set("resin", "liqcreate-strong-x-405nm");
+  EXPECT_EQ(page_->eval("mode.value"), "layerwise");
+  page_->choose_files("#files", {file});
+  page_->wait_for("parts.there.length === 1");
+  EXPECT_EQ(page_->eval("document.getElementById('speed').placeholder"), "as in the file");
+  // What its light is nobody measured: the field that helps is named in the words of the page.
+  page_->click("#check");
+  page_->wait_for("document.getElementById('said-here')");
+  EXPECT_THAT(page_->text("said-here"), Not(HasSubstr("--")));
+  EXPECT_THAT(page_->text("light-said"), HasSubstr("Assume"));
+  page_->set("set-assume", "typical");
+  page_->click("#check");
+  see("checked");
+  EXPECT_THAT(page_->text("figures"), HasSubstr("Height error, mean"));
 }
 
 TEST_F(Browser, OneSignInIsThatOfAllTabs) {

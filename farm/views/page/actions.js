@@ -37,7 +37,7 @@ function jobActions(j) {
   if (j.state !== 'done') return;
   for (const f of j.files) {
     if (f.ending === 'html') continue;
-    box.append(link(at + '/files/' + f.ending, 'Download ' + f.ending + ' (' + bytes(f.bytes) + ')', 'Download ' + j.name + '.' + f.ending, true));
+    box.append(link(at + '/files/' + f.ending, 'Download ' + f.ending + ' (' + bytes(f.bytes) + ')', 'Download ' + f.ending + ' (' + bytes(f.bytes) + ') of ' + j.name, true));
   }
   const fitting = bridgeList.filter((b) => b.printer === j.printer);
   if (!may('operate') || !fitting.length) return;

@@ -73,7 +73,7 @@ async function ask(path, body, method) {
     errors = e.errors || [];
     words = e.errors ? e.errors.map((x) => x.message).join('; ') : e.message;
   } catch { /* no JSON: the status has to do */ }
-  const error = new Error(sentence(words));
+  const error = new Error(sentence(pageWords(words)));
   error.errors = errors;
   throw error;
 }
@@ -203,6 +203,9 @@ async function begin(start) {
   await go();
 }
 
+// What programs say, in the words of a page.
+let pageWords = (text) => text;
+
 // Starts a study and follows it to its end; `box` says how far it is, with a button to cancel it.
 async function study(request, box) {
   let s = await change('api/v1/studies', request);
@@ -217,7 +220,7 @@ async function study(request, box) {
   box.replaceChildren();
   if (s.state === 'cancelled') { box.append(el('span', 'Cancelled.', 'dim')); return null; }
   if (s.state === 'failed') {
-    tell(new Error((s.exit_code === 3 ? 'This can’t be printed: ' : '') + s.message), box);
+    tell(new Error((s.exit_code === 3 ? 'This can’t be printed: ' : '') + pageWords(s.message)), box);
     return null;
   }
   return {...s, path: 'api/v1/studies/' + s.study};

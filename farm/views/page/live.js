@@ -125,7 +125,7 @@ function tomoWords(f) {
     + ', prints in ' + duration(f.print_time_s) + (f.feasible ? '' : '; misses');
 }
 
-const reportLink = (j) => link('api/v1/jobs/' + j.id + '/files/html', 'open', 'report of ' + j.name);
+const reportLink = (j) => link('api/v1/jobs/' + j.id + '/files/html', 'open', 'open the report of ' + j.name);
 
 async function table() {
   const mine = ++asked, state = document.querySelector('input[name=state]:checked').value;

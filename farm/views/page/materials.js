@@ -20,7 +20,7 @@ $('fit').addEventListener('click', async () => {
     const f = await read(fit.path + '/files/fit.json');
     $('fit-words').textContent = 'Fit of ' + count(f.n) + ' measurements: R² ' + f.r2.toFixed(4) + ', residuals of ' + um(f.rmse_um) + ' (RMSE).'
       + (f.outliers.length ? ' ' + count(f.outliers.length) + ' of them lie far off.' : ' None lies far off.');
-    $('fit-figures').replaceChildren(tableOf([['', 'value', '95 % within'], ...Object.entries(f.parameters).map(([name, p]) => [parameterNames[name] || name,
+    $('fit-figures').replaceChildren(tableOf([['Figure', 'value', '95 % within'], ...Object.entries(f.parameters).map(([name, p]) => [parameterNames[name] || name,
       figure(p.value) + ' ' + (p.unit || ''), p.ci95 ? figure(p.ci95[0]) + ' to ' + figure(p.ci95[1]) : '-'])], 'What the fit says'));
     $('fit-warnings').replaceChildren(...(f.warnings || []).map((w) => el('li', typeof w === 'string' ? w : w.message || w.text || JSON.stringify(w))));
     $('fitted').hidden = false;

@@ -3,7 +3,7 @@
 const meshName = /\.(stl|obj|ply|off|3mf)(\.gz)?$/i;
 // Names of parts: meshes, and the archives that the farm reads by its table of formats.
 let endings = ['.uvj', '.sl1', '.zip'];
-const partName = {test: (name) => meshName.test(name) || endings.some((e) => name.toLowerCase().endsWith(e) || name.toLowerCase().endsWith(e + '.gz'))};
+const partName = {test: (name) => meshName.test(name) || endings.some((e) => name.toLowerCase().endsWith(e))};
 const round = new PlateView($('round'), showPieces, partMoved), layers = new LayerView($('layer-canvas'), $('layer'), $('layer-said'));
 const value = (id) => ($(id).value === '' ? undefined : Number($(id).value));
 let printers = [], resins = [], formats = [], plan = null;
@@ -34,9 +34,9 @@ function ownOf(item) {
 }
 function showOwn() {
   const own_ = parts.there.length > 1 && !inside().length;
-  for (const {own, name} of parts.items) {
+  for (const {own, name, part} of parts.items) {
     if (!own) continue;
-    own.box.hidden = !own_;
+    own.box.hidden = !own_ || !part;
     for (const key of ['fit_mm', 'rotate_deg']) own[key].parentElement.hidden = !meshName.test(name);
   }
 }
@@ -56,6 +56,7 @@ function partsChanged() {
   if (archives !== 1 && how() === 'inside') document.querySelector('input[name=how]').checked = true;
   showPlacing();
   showOwn();
+  showSpeed();
   $('which').replaceChildren(...there.map((p) => new Option(p.name, p.part)));
   for (const id of ['look', 'plan', 'check', 'queue']) $(id).disabled = !there.length || !may('submit');
   // What was found holds for other parts.
@@ -157,7 +158,9 @@ function setup(list) {
   if (inside().length && list.every((p) => !meshName.test(p.name))) s.part_inside = inside().map((p) => p.part);
   return s;
 }
-function speed() {
+// Layer by layer a slicer's file says its exposures itself.
+function speed(list) {
+  if (value('speed') === undefined && $('mode').value === 'layerwise' && list.every((p) => !meshName.test(p.name))) return {};
   if (value('speed') === undefined && settings.layer_exposure_s && settings.layer_exposure_s.input.value.trim()) return {};
   if (value('speed') === undefined) throw new FieldError($('speed'), 'Say the ' + ($('mode').value === 'layerwise' ? 'exposure' : 'speed') + ', or let it be found.');
   return $('mode').value === 'layerwise' ? {exposure_s: value('speed')} : {speed_mm_h: value('speed')};
@@ -229,6 +232,9 @@ $('more').addEventListener('input', () => {
   $('more-said').textContent = said.length ? '(' + said.join(', ') + ')' : '';
 });
 
+// Programs name options; here their fields have words.
+pageWords = (text) => text.replace(/--([a-z][a-z-]*[a-z])/g, (all, option) => { const key = option.replace(/-/g, '_'); return schemas.JobKeys && key in schemas.JobKeys.properties ? '“' + wordsOf(key) + '”' : all; });
+
 const plannedSpeed = () => plan.speed_mm_h ?? plan.exposure_s;
 
 // Fields of the page whose values are no numbers in their range are said at the field.
@@ -290,7 +296,7 @@ $('plan').addEventListener('click', () => during('plan', async () => {
 $('use').addEventListener('click', () => { $('speed').value = plannedSpeed(); });
 
 $('check').addEventListener('click', () => during('check', async () => {
-  const list = chosen(), s = await study(asks('check', list, {...moreSettings('check'), ...speed(), ...withPlan()}), $('check-said'));
+  const list = chosen(), s = await study(asks('check', list, {...moreSettings('check'), ...speed(list), ...withPlan()}), $('check-said'));
   $('checked').hidden = true;
   if (!s) return;
   const f = await read(s.path + '/files/check.json'), before = f.uncorrected;
@@ -300,7 +306,7 @@ $('check').addEventListener('click', () => during('check', async () => {
   const row = (words, of) => [words, before ? of(before) : '', of(f)];
   const off = (key) => (v) => (v.height_error_um && v.height_error_um[key] !== null ? um(v.height_error_um[key]) : '-');
   const number = (key) => (v) => (v[key] === undefined ? '-' : count(v[key]));
-  $('figures').replaceChildren(tableOf([['', 'as sliced', 'corrected'], row('Height error, mean', off('mean_abs')), row('95 % within', off('p95_abs')), row('largest', off('max_abs')),
+  $('figures').replaceChildren(tableOf([['Figure', 'as sliced', 'corrected'], row('Height error, mean', off('mean_abs')), row('95 % within', off('p95_abs')), row('largest', off('max_abs')),
     row('Lost features', number('lost_features')), row('Merged gaps', number('merged_features')), row('Voxels cured through', number('cure_through_voxels')), row('Voxels undercured', number('undercure_voxels'))], 'What prints'));
   $('section').src = await blobUrl(s.path + '/files/section.png');
   $('check-link').replaceChildren(link(s.path + '/files/check.html', 'All of it: sections in three directions, doses, lists of places'));
@@ -308,17 +314,26 @@ $('check').addEventListener('click', () => during('check', async () => {
 }));
 
 // Queues jobs; of several those that can be done, where others are refused. Gives the answer, and what was refused.
-async function queueThose(jobs) {
-  try { return [await change('api/v1/jobs', {jobs}), []]; } catch (e) {
-    const bad = new Set((e.errors || []).map((x) => x.job));
-    if (!bad.size || bad.has(undefined) || bad.size === jobs.length) throw e;
-    return [await change('api/v1/jobs', {jobs: jobs.filter((job, n) => !bad.has(n))}), e.errors];
+async function queueThose(jobs, nameOf) {
+  const refused = [];
+  let left = jobs.map((job, n) => n);
+  while (left.length) {
+    try { return [await change('api/v1/jobs', {jobs: left.map((n) => jobs[n])}), refused]; } catch (e) {
+      const errors = e.errors || [];
+      if (jobs.length < 2 || !errors.length || errors.some((x) => x.job === undefined)) throw e;
+      const bad = new Map(errors.map((x) => [left[x.job], x.message]));
+      for (const [job, message] of bad) refused.push({job, message});
+      left = left.filter((n) => !bad.has(n));
+    }
   }
+  throw new Error(refused.map(({job, message}) => ofPart(nameOf(job), message)).join(' '));
 }
+// What was said of a part, with its name once.
+const ofPart = (name, message) => name + ': ' + sentence(message.replace(name + ': ', ''));
 
 $('queue').addEventListener('click', () => during('queue', async () => {
   const all = parts.there, prints = together() ? [chosen()] : inside().length ? [chosen()] : all.map((p) => [p]);
-  const more = {...moreSettings('job'), ...speed(), ...withPlan()};
+  const more = {...moreSettings('job'), ...speed(prints.flat()), ...withPlan()};
   if ($('ready').value) more.ready_by = $('ready').value;
   if (value('copies') > 1) more.copies = value('copies');
   const labels = $('labels').value.split(',').map((l) => l.trim()).filter(Boolean);
@@ -332,8 +347,9 @@ $('queue').addEventListener('click', () => during('queue', async () => {
   });
   if (ownHeights.some((key) => key in more)) for (const job of jobs) delete job.layer_um;
   $('queue-said').textContent = 'reading and checking ' + (jobs.length === 1 ? 'the part' : count(jobs.length) + ' parts');
+  const nameOf = (job) => prints[job].map((p) => p.name).join(', ');
   let r, refused = [];
-  try { [r, refused] = await queueThose(jobs); } catch (e) { $('queue-said').textContent = ''; throw e; }
+  try { [r, refused] = await queueThose(jobs, nameOf); } catch (e) { $('queue-said').textContent = ''; throw e; }
   const rows = [['Job', 'name', 'layers', 'takes about']];
   r.ids.forEach((id, n) => { const e = r.estimates[Math.min(n, r.estimates.length - 1)]; rows.push([id, e.name, count(e.layers), e.duplicate || e.cached ? 'done before' : duration(e.seconds)]); });
   $('queue-said').textContent = r.ids.length === 1 ? 'One job is queued.' : count(r.ids.length) + ' jobs are queued.';
@@ -341,7 +357,7 @@ $('queue').addEventListener('click', () => during('queue', async () => {
   a.href = './';
   farm.append(a);
   $('queued').replaceChildren(...refused.map(({job, message}) => {
-    const said = el('p', prints[job][0].name + ' was not queued: ' + message.replace(prints[job][0].name + ': ', ''), 'holds');
+    const said = el('p', nameOf(job) + ' was not queued: ' + sentence(message.replace(nameOf(job) + ': ', '')), 'holds');
     said.setAttribute('role', 'alert');
     return said;
   }), tableOf(rows, 'What was queued'), farm);
@@ -358,7 +374,21 @@ $('how').addEventListener('change', (e) => {
   if (['spacing_mm', 'turn_about_z'].includes(e.target.id)) return;
   if (e.target.name === 'how') placing = null;
   stale(); });
-$('mode').addEventListener('change', () => { $('speed-words').textContent = $('mode').value === 'layerwise' ? 'Exposure, s' : 'Speed, mm/h'; $('speed').value = ''; });
+function showSpeed() {
+  const layers = $('mode').value === 'layerwise', list = parts.there;
+  $('speed-words').textContent = layers ? 'Exposure, s' : 'Speed, mm/h';
+  $('speed').placeholder = layers && list.length && list.every((p) => !meshName.test(p.name)) ? 'as in the file' : '';
+}
+// Printers that read slicers' files stand still for each layer, until the person says otherwise.
+let modeChosen = false;
+$('mode').addEventListener('change', (e) => { if (e.isTrusted) modeChosen = true; showSpeed(); $('speed').value = ''; });
+function modeOf(printer) {
+  const mode = printer && (printer.reads || []).length ? 'layerwise' : 'continuous';
+  if (modeChosen || !printer || $('mode').value === mode) return;
+  $('mode').value = mode;
+  $('speed').value = '';
+  showSpeed();
+}
 
 // --- printers and resins: those that work first, and a search ----------------------------------------------------
 
@@ -387,7 +417,7 @@ function listResins() {
 }
 function showLight() {
   const p = printerNow(), r = resins.find((x) => x.name === $('resin').value);
-  $('light-said').textContent = !p ? '' : !measured(p) ? 'The light of this printer is to be measured: Show works, the rest needs it (Resins and printers).'
+  $('light-said').textContent = !p ? '' : !measured(p) ? 'The light of this printer is to be measured (Resins and printers). Until then Show works; the rest does for a slicer’s file with “Assume” under More settings, which takes a typical display.'
     : r && !goWith(p, r) ? 'This resin was measured in light of ' + (r.wavelength_nm || '?') + ' nm, the printer has ' + (p.wavelength_nm || '?') + ' nm.' : '';
 }
 for (const id of ['printer', 'resin']) {
@@ -398,7 +428,7 @@ for (const id of ['printer', 'resin']) {
     $('light-said').textContent = count_ + (count_ === 1 ? ' is' : ' are') + ' in the list.';
   });
   $('find-' + id).addEventListener('change', (e) => e.stopPropagation());
-  $(id).addEventListener('change', () => { if (id === 'printer') { const was = $('resin').value; listResins(); if (!goes(was)) $('resin').selectedIndex = 0; } showLight(); });
+  $(id).addEventListener('change', () => { if (id === 'printer') { const was = $('resin').value; listResins(); if (!goes(was)) $('resin').selectedIndex = 0; modeOf(printerNow()); } showLight(); });
 }
 function goes(name) { const p = printerNow(), r = resins.find((x) => x.name === name); return p && r && goWith(p, r); }
 // Layer by layer a printer gets a file that it reads, where the parts are meshes.
@@ -437,6 +467,7 @@ begin(async () => {
   listResins();
   if (last('resin') && resins.some((x) => x.name === last('resin'))) $('resin').value = last('resin');
   if (last('layer_um')) $('layer_um').value = last('layer_um');
+  if (!again) modeOf(printerNow());
   showLight();
   if (again) for (const [id, last] of said) if ($(id)) $(id).value = last;
 });

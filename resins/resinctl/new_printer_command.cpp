@@ -89,7 +89,8 @@ std::string name_asked(Questions& ask, const std::string& folder, bool replace) 
            std::filesystem::exists(in / "printers" / (name + ".toml"));
   };
   for (;;) {
-    std::string name = ask.text("Name of the printer, by which you will call it, such as my-printer");
+    std::string name =
+        ask.text("Name of the printer, by which you will call it, such as my-printer");
     const bool plain = !name.empty() && std::all_of(name.begin(), name.end(), [](unsigned char c) {
       return (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') || c == '-' || c == '_';
     });

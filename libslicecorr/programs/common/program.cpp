@@ -105,17 +105,16 @@ struct AlsoCalled {
   std::string_view program, word, command;
 };
 constexpr AlsoCalled kAlsoCalled[] = {
-    {"slicecorr", "predict", "verify"},   {"slicecorr", "fix", "correct"},
-    {"slicecorr", "view", "section"},     {"slicecorr", "preview", "section"},
-    {"slicecorr", "speed", "plan"},       {"slicecorr", "inspect", "info"},
-    {"slicefarm", "worker", "run"},       {"slicefarm", "work", "run"},
-    {"slicefarm", "start", "run"},        {"slicefarm", "add", "submit"},
-    {"slicefarm", "queue", "status"},     {"slicefarm", "list", "status"},
-    {"slicefarm", "server", "serve"},     {"slicefarm", "web", "serve"},
-    {"slicefarm", "delete", "cancel"},    {"slicefarm", "remove", "cancel"},
-    {"slicefarm", "printers", "machines"},
-    {"printbridge", "start", "print"},    {"printbridge", "run", "print"},
-    {"printbridge", "continue", "resume"}};
+    {"slicecorr", "predict", "verify"},    {"slicecorr", "fix", "correct"},
+    {"slicecorr", "view", "section"},      {"slicecorr", "preview", "section"},
+    {"slicecorr", "speed", "plan"},        {"slicecorr", "inspect", "info"},
+    {"slicefarm", "worker", "run"},        {"slicefarm", "work", "run"},
+    {"slicefarm", "start", "run"},         {"slicefarm", "add", "submit"},
+    {"slicefarm", "queue", "status"},      {"slicefarm", "list", "status"},
+    {"slicefarm", "server", "serve"},      {"slicefarm", "web", "serve"},
+    {"slicefarm", "delete", "cancel"},     {"slicefarm", "remove", "cancel"},
+    {"slicefarm", "printers", "machines"}, {"printbridge", "start", "print"},
+    {"printbridge", "run", "print"},       {"printbridge", "continue", "resume"}};
 
 /// The closest of these, empty where none is close.
 std::string nearest(const std::string& word, const std::vector<std::string>& names) {

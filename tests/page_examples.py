@@ -1,9 +1,10 @@
 #!/usr/bin/python3
 # SPDX-FileCopyrightText: 2026 The slicecorr authors
 # SPDX-License-Identifier: Apache-2.0
-"""Holds each page of docs/ to its beginning: an example that runs as it stands, and its picture where the page has
-one. Paragraphs of architecture.md have ten lines at most. Usage: page_examples.py ROOT BIN [PAGE...]. Runs the first block of commands of each page in a folder in which the
-files lie that examples name. Prints what is wrong and ends with 1, else 0."""
+"""Holds each page of docs/ to its beginning: an example that runs as it stands, and its picture where the page has one.
+Pages of kernels/ and howto/ are for programmers and have none. Paragraphs of architecture.md have ten lines at most.
+Usage: page_examples.py ROOT BIN [PAGE...]. Runs the first block of commands of each page in a folder in which the files
+lie that examples name. Prints what is wrong and ends with 1, else 0."""
 
 import math
 import os

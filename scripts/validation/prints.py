@@ -12,6 +12,7 @@ from reckon import BadInput, Disagrees, Line, disagree, least, mean, read_table,
 
 # Heights of absorbance of the channel's resin, um, and layers over it: more would add less than a thousandth of the dose.
 HEIGHT_UM, ROOF = 100.0, 8.0
+EXCHANGED = {0: "nothing", 0.5: "half", 1: "all"}
 
 
 def closed_channel(layer, far_edge_dose, exchange):
@@ -79,7 +80,7 @@ def channels(programs, data):
     made, table, figures = Channels(programs), Table(["layer / ha", "dose at its far edge, gel doses", "lifts exchange", "least channel / ha", "closed form: depth that gels / ha", "corrected: least / ha"], []), []
     points = {}
     for layer in (0.3, 0.5, 1.0):
-        for dose, exchange in ((1.2, 0), (5, 0), (5, 1)):
+        for dose, exchange in ((1.2, 0), (5, 0), (5, 0.5), (5, 1)):
             count, depth = made.least_open(layer, dose, exchange), closed_channel(layer, dose, exchange)
             # A channel is open where it is higher than what gels below its roof.
             expected = math.floor(depth / layer) + 1
@@ -88,14 +89,20 @@ def channels(programs, data):
             figures.append({"layer": layer, "dose": dose, "exchange": exchange, "least": count * layer, "depth": depth,
                             "corrected": corrected * layer if corrected else None})
             points.setdefault((dose, exchange), []).append((layer, count * layer))
-            table.rows.append([f"{layer:g}", f"{dose:g}", "all" if exchange else "nothing", figure(count * layer), figure(depth),
+            table.rows.append([f"{layer:g}", f"{dose:g}", EXCHANGED[exchange], figure(count * layer), figure(depth),
                                figure(corrected * layer) if corrected else "-"])
     low, high = (float(v) for v in measured.split("-"))
     panel = Panel("least roofed channel", "layer, absorbance heights", "channel, absorbance heights")
     panel.band([(0.3, low, high), (1.0, low, high)], f"measured, {measured} (Gong 2015)", 1)
     for k, ((dose, exchange), at) in enumerate(points.items()):
-        panel.dots(at, f"told: {dose:g} gel doses at each layer's far edge, lifts exchange {'all' if exchange else 'nothing'}", (0, 2, 3)[k])
+        panel.dots(at, f"told: {dose:g} gel doses at each layer's far edge, lifts exchange {EXCHANGED[exchange]}", k)
     five = [f["least"] for f in figures if f["dose"] == 5 and f["exchange"] == 0]
+
+    def left(height):
+        """Per cent of the gel dose that resin at this depth below a roof got, of all layers."""
+        shares = [100 * math.exp(f["depth"] - height) for f in figures if f["dose"] == 5 and f["exchange"] == 0]
+        return f"{min(shares):.0f} to {max(shares):.0f}"
+
     return Section(
         "channels", "The least roofed channel",
         source="Gong et al., RSC Advances 5 (2015), doi:10.1039/C5RA23855B: figures of the abstract",
@@ -105,8 +112,9 @@ def channels(programs, data):
         proves=f"that channels are limited by absorbance heights, not by layers: at five gel doses, with resin that lifts leave, "
                f"{figure(min(five))}{'' if min(five) == max(five) else ' to ' + figure(max(five))} absorbance heights for all layers, as sliced",
         proves_not=f"the measured {measured}: they are higher. Doses of {figure(math.exp(low) * (1 - math.exp(-0.3)), 2)} (layers of 0.3 heights) to "
-                   f"{figure(math.exp(low) * (1 - math.exp(-1)), 2)} (of 1) at the far edge would explain the lower end, or resin that stays in a channel "
-                   "when it is washed. Where lifts exchange resin channels would be lower still",
+                   f"{figure(math.exp(low) * (1 - math.exp(-1)), 2)} (of 1) at the far edge would explain the lower end. So would resin that thickens before it "
+                   f"gels and is not washed out: at five gel doses from {left(low)} % of the gel dose on for {low:g} heights, from {left(high)} % on for {high:g}. "
+                   "The abstract says neither doses nor how channels were washed, so nothing is built in. Where lifts exchange resin channels would be lower still",
         tables=[table], pictures=[Picture("channels", "Least channel over layer height, told and measured", [panel])], figures={"rows": figures, "measured": [low, high]})
 
 

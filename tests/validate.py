@@ -256,12 +256,15 @@ def bad_input(folder):
         "role": ("dose_mj_cm2,cured_height_um,role\n1,2,maybe\n", "role: is 'maybe'"),
         "no dose": ("cured_height_um\n1\n", "expected dose_mj_cm2, or intensity_mw_cm2 and exposure_s"),
         "no resin": (TABLES["zones.csv"], "has 1 ratios of lights to fit to"),
+        "semicolons": ("dose_mj_cm2;cured_height_um\n1,5;2\n", "line 1: columns are divided by semicolons or tabs; expected commas"),
+        "falling": ("dose_mj_cm2,cured_height_um\n10,100\n20,90\n30,80\n40,70\n", "bad.csv: resinctl: the jacobs model can't be fitted"),
         "one light": ("intensity_mw_cm2,time_s\n1,2\n1,3\n", "one intensity"),
     }
     for what, (text, message) in wrong.items():
         (folder / "bad.csv").write_text(text)
         said = refused(script, folder / "bad.csv", "-o", folder)
         expect(f"{what}: {said.strip()} does not say '{message}'", message in said)
+        expect(f"{what}: {said.strip()} names a file that is not the user's", "slicecorr-validate" not in said)
     (folder / "bad.csv").write_text(TABLES["forces.csv"])
     expect("a resin of forces", "expected no --resin" in refused(script, folder / "bad.csv", "-o", folder, "--resin", "custom-resin-1"))
     (folder / "bad.csv").write_bytes(b"dose_mj_cm2\xff,cured_height_um\n")

@@ -7,7 +7,7 @@ import pathlib
 import subprocess
 import tempfile
 
-from reckon import BadInput, Disagrees
+from reckon import BadInput, Disagrees, Refused
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 
@@ -36,7 +36,8 @@ class Programs:
         done = subprocess.run(call, capture_output=True, text=True, cwd=self.work, env=self.environment, timeout=600, check=False)
         if done.returncode not in expected:
             told = done.stderr.strip()[-600:]
-            raise (BadInput if done.returncode == 2 else Disagrees)(f"{program} {' '.join(map(str, arguments))}: {told}")
+            called = f"{program} {' '.join(map(str, arguments))}"
+            raise Refused(called, told) if done.returncode == 2 else Disagrees(f"{called}: {told}")
         return done.stdout
 
     def json(self, program, *arguments):

@@ -13,6 +13,14 @@ class BadInput(Exception):
     """An input that can't be read or doesn't fit: the message names file, place and what was expected."""
 
 
+class Refused(BadInput):
+    """What a program said to a table that was made of an input, without its call."""
+
+    def __init__(self, call, told):
+        super().__init__(f"{call}: {told}")
+        self.told = told
+
+
 class Disagrees(Exception):
     """A program and the arithmetic here differ: a defect of ours."""
 
@@ -66,6 +74,8 @@ def read_table(path):
     if len(lines) > MOST_ROWS:
         raise BadInput(f"{path}: has more than {MOST_ROWS} rows")
     heads = [h.strip().lower() for h in next(csv.reader([lines[0][1]]))]
+    if len(heads) == 1 and any(mark in heads[0] for mark in ";\t"):
+        raise BadInput(f"{path}: line {lines[0][0]}: columns are divided by semicolons or tabs; expected commas, and points in numbers")
     twice = sorted({h for h in heads if heads.count(h) > 1})
     if twice:
         raise BadInput(f"{path}: line {lines[0][0]}: column '{twice[0]}' is there twice")

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 
 // `slicecorr flow --in-time` as people run it.
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -58,6 +59,7 @@ TEST_F(FlowInTimeProgram, TheBaseCaseOfChapterIvPrints) {
       call(kDisc + Command{"--json", "j.json", "--profile", "p.csv", "-o", "d.html"});
   ASSERT_EQ(r.exit_code, 0) << r.err;
   EXPECT_THAT(r.out, HasSubstr("prints; from slice"));
+  EXPECT_THAT(r.out, HasSubstr("window: taken as rigid"));
   const json j = json::parse(std::ifstream(folder_ / "j.json"));
   EXPECT_TRUE(j["prints"].get<bool>());
   EXPECT_TRUE(j["sticks"].is_null());
@@ -103,6 +105,40 @@ TEST_F(FlowInTimeProgram, WhatSticksIsToldWithPlaceAndTime) {
   const RunResult r = call(bright);
   EXPECT_EQ(r.exit_code, 0) << r.err;
   EXPECT_THAT(r.out, HasSubstr("sticks to the window in slice"));
+}
+
+TEST_F(FlowInTimeProgram, SuctionBeyondWhatThereCanBeIsToldAndIsNoPrint) {
+  const Command few = kDisc + Command{"--slices", "20"};
+  ASSERT_EQ(call(few + Command{"--json", "all.json"}).exit_code, 0);
+  const json all = json::parse(std::ifstream(folder_ / "all.json"));
+  EXPECT_EQ(all["limit_pa"], 1e5);
+  EXPECT_FALSE(all["limit_given"].get<bool>());
+  EXPECT_TRUE(all["beyond_limit"].is_null());
+  EXPECT_TRUE(all["prints"].get<bool>());
+  // A limit between two slices' suction: the first slice above it is told.
+  const auto suction = [&all](std::size_t n) {
+    return all["slices"][n]["suction_pa"].get<double>();
+  };
+  std::size_t most = 0;
+  for (std::size_t n = 0; n < 20; ++n) most = suction(n) > suction(most) ? n : most;
+  const double limit = 0.97 * suction(most);
+  std::size_t first = 0;
+  while (suction(first) <= limit) ++first;
+  std::stringstream printer;
+  printer << std::ifstream(folder_ / "printer.toml").rdbuf();
+  // Before the first table.
+  std::ofstream(folder_ / "printer.toml")
+      << fmt::format("suction_limit_pa = {:.6f}\n", limit) << printer.str();
+  const RunResult r = call(few + Command{"--json", "limit.json"});
+  ASSERT_EQ(r.exit_code, 0) << r.err;
+  EXPECT_THAT(r.out, HasSubstr("more than the printer's limit of"));
+  EXPECT_THAT(r.out, HasSubstr(fmt::format(" Pa in slice {}, ", first)));
+  const json told = json::parse(std::ifstream(folder_ / "limit.json"));
+  EXPECT_FALSE(told["prints"].get<bool>());
+  EXPECT_TRUE(told["sticks"].is_null());
+  EXPECT_EQ(told["beyond_limit"]["slice"], first);
+  EXPECT_EQ(told["beyond_limit"]["suction_pa"], all["slices"][first]["suction_pa"]);
+  EXPECT_EQ(told["slices"], all["slices"]);
 }
 
 TEST_F(FlowInTimeProgram, AWindowOfThePrintersFileIsTold) {

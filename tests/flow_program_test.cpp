@@ -206,6 +206,7 @@ TEST_F(FlowProgram, PicturesAndTables) {
     ASSERT_EQ(r.exit_code, 0) << r.err;
     // The disc is one section, which is told once: what lies between the heads and what follows.
     EXPECT_THAT(r.out, HasSubstr("4 looked at, 1 section among them"));
+    EXPECT_THAT(r.out, HasSubstr("window: taken as rigid"));
     const std::size_t heads = r.out.find("dead zone um\n"), after = r.out.find("slowest: slice");
     ASSERT_LT(heads, after);
     ASSERT_NE(after, std::string::npos);

@@ -95,7 +95,8 @@ void rest_on_rubber(const FlowWindow& w, const PulledSection& s, const SiDisc& d
     const double way = edges[static_cast<std::size_t>(i) + 1] - edges[static_cast<std::size_t>(i)];
     rest.slope = std::max(rest.slope, std::abs(w_m[i + 1] - w_m[i]) / (way * d.radius));
   }
-  rest.time_s = std::nullopt;
+  rest.time_s = 12 * s.viscosity_pa_s * std::pow(w.rubber_mm / s.gap_um, 3) * 1e9 / (3 * modulus);
+  rest.at_most = true;
 }
 
 }  // namespace

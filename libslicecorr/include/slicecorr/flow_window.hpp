@@ -42,9 +42,11 @@ struct WindowRest {
   double rim_um = 0;  ///< at its outline, of rubber below 0; features are domed by the difference
   double slope = 0;   ///< greatest, of the window: beyond 0.5 none of this holds
   /// Time in which the slowest part of a change of speed falls to 1/e; 0 of an arm alone. Meanwhile the
-  /// part grows at S - dw/dt. Of a film, at the tension that it has at rest. Of rubber it is not known:
-  /// nothing.
-  std::optional<double> time_s = 0.0;
+  /// part grows at S - dw/dt. Of a film, at the tension that it has at rest. Of rubber the most that it
+  /// is, 12 mu t³/(E h³): of any suction s that is 0 outside of the section, with its Fourier transform,
+  /// integral(L s²) / integral(h³ k² s²/(12 mu)) <= the greatest L 12 mu/(h³ k²), which is that at k = 0.
+  double time_s = 0;
+  bool at_most = false;  ///< `time_s` is a bound
 };
 /// Throws `InputError` where the film's span lies inside of the section.
 WindowRest window_rest(const FlowWindow& window, const PulledSection& section);

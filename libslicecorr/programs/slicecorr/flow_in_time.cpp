@@ -34,7 +34,16 @@ struct Followed {
   PrintInTime print;
   FlowWindow window;
   std::vector<WindowRest> rest;  ///< of slices; empty where the window is rigid
+  bool limit_given = false;      ///< by the printer; else resin cavitates at `pull.limit_pa`
 };
+
+/// The first slice at whose end more suction is drawn than there can be, or nothing.
+const SliceInTime* beyond_limit(const Followed& f) {
+  const auto first =
+      std::find_if(f.print.slices.begin(), f.print.slices.end(),
+                   [&f](const SliceInTime& s) { return s.suction_pa > f.pull.limit_pa; });
+  return first == f.print.slices.end() ? nullptr : &*first;
+}
 
 [[noreturn]] void not_in_time(const char* option, const char* why) {
   throw InputError(fmt::format("{} does not go with --in-time: {}", option, why));
@@ -208,7 +217,10 @@ void look_at_window(const FlowOptions& o, const FlowInput& in, Followed& f) {
 double dome_um(const WindowRest& rest) { return rest.middle_um - rest.rim_um; }
 
 std::string window_in_time(const Followed& f) {
-  if (f.rest.empty()) return {};
+  if (f.rest.empty()) {
+    return "window: taken as rigid; what one that gives way domes is told where the printer's [window] or an option says "
+           "what it is\n";
+  }
   const WindowRest& last = f.rest.back();
   const auto most =
       std::max_element(f.rest.begin(), f.rest.end(),
@@ -216,25 +228,37 @@ std::string window_in_time(const Followed& f) {
   const auto slice = static_cast<std::size_t>(most - f.rest.begin());
   return fmt::format(
       "window: {}; fronts are those over its own surface. What is flat is domed by {:.3g} um in the last slice, "
-      "{:.3g} um at the most (slice {}){}\n",
+      "{:.3g} um at the most (slice {}); changes faster than {:.2g} s {} not followed: meanwhile the part grows "
+      "faster or slower than the stage moves\n",
       window_in_words(f.window), dome_um(last), dome_um(*most), f.print.slices[slice].slice,
-      last.time_s
-          ? fmt::format("; changes faster than {:.2g} s are not followed: meanwhile the part grows "
-                        "faster or slower than the stage moves",
-                        *last.time_s)
-          : std::string("; how fast rubber follows is not known"));
+      last.time_s, last.at_most ? "may be" : "are");
+}
+
+std::string sticks_in_words(const PrintInTime& p) {
+  return fmt::format(
+      "sticks to the window in slice {}, {:.2f} s after the first instant, at {}: the print ends "
+      "there",
+      p.sticks->slice, p.sticks->seconds,
+      p.sticks->y_mm == 0 ? fmt::format("{:.2f} mm from the middle", p.sticks->x_mm)
+                          : fmt::format("x {:.2f}, y {:.2f} mm", p.sticks->x_mm, p.sticks->y_mm));
 }
 
 std::string end_in_words(const Followed& f) {
   const PrintInTime& p = f.print;
-  if (p.sticks) {
+  const std::string sticks = p.sticks ? sticks_in_words(p) : std::string();
+  if (const SliceInTime* beyond = beyond_limit(f)) {
     return fmt::format(
-        "sticks to the window in slice {}, {:.2f} s after the first instant, at {}: the print ends "
-        "there",
-        p.sticks->slice, p.sticks->seconds,
-        p.sticks->y_mm == 0 ? fmt::format("{:.2f} mm from the middle", p.sticks->x_mm)
-                            : fmt::format("x {:.2f}, y {:.2f} mm", p.sticks->x_mm, p.sticks->y_mm));
+        "{}draws {:.3g} Pa in slice {}, {:.2f} s after the first instant, {}. Suction of narrow places falls with finer "
+        "cells than {:g} um; where it does not, resin can't follow, cavities open or the window is drawn on to the "
+        "part, and what is told of later slices does not hold",
+        sticks.empty() ? sticks : sticks + "; it ", beyond->suction_pa, beyond->slice,
+        beyond->seconds,
+        f.limit_given
+            ? fmt::format("more than the printer's limit of {:g} Pa", f.pull.limit_pa)
+            : fmt::format("more than the {:g} Pa at which resin cavitates", f.pull.limit_pa),
+        f.pitch_um);
   }
+  if (p.sticks) return sticks;
   if (p.steady_from) {
     return fmt::format("prints; from slice {} on nothing changes any more", *p.steady_from);
   }
@@ -274,6 +298,8 @@ std::string json_of(const Followed& f) {
   j["shape"] = f.shape;
   j["speed_mm_h"] = f.pull.speed_mm_h;
   j["viscosity_pa_s"] = f.pull.viscosity_pa_s;
+  j["limit_pa"] = f.pull.limit_pa;
+  j["limit_given"] = f.limit_given;
   j["blue_mw_cm2"] = f.pull.light ? ordered_json(f.pull.light->blue_mw_cm2) : ordered_json();
   j["uv_mw_cm2"] = f.pull.light ? ordered_json(f.pull.light->uv_mw_cm2) : ordered_json();
   j["light"] = f.light;
@@ -306,13 +332,20 @@ std::string json_of(const Followed& f) {
       one["window"] = {{"middle_um", r.middle_um},
                        {"rim_um", r.rim_um},
                        {"slope", r.slope},
-                       {"change_s", r.time_s ? ordered_json(*r.time_s) : ordered_json()}};
+                       {"change_s", r.time_s},
+                       {"change_at_most", r.at_most}};
     }
     ++k;
     j["slices"].push_back(std::move(one));
   }
   const PrintInTime& p = f.print;
-  j["prints"] = !p.sticks.has_value();
+  const SliceInTime* beyond = beyond_limit(f);
+  j["prints"] = !p.sticks && !beyond;
+  j["beyond_limit"] = nullptr;
+  if (beyond) {
+    j["beyond_limit"] = {
+        {"slice", beyond->slice}, {"seconds", beyond->seconds}, {"suction_pa", beyond->suction_pa}};
+  }
   j["sticks"] = nullptr;
   if (p.sticks) {
     j["sticks"] = {{"slice", p.sticks->slice},
@@ -387,6 +420,8 @@ int flow_in_time(const FlowOptions& o, const ExecutionContext& context, Console&
   f.pull.speed_mm_h = in.speed_mm_h;
   f.pull.resin = flow_resin(in.resin, o.resin);
   f.pull.viscosity_pa_s = in.resin.viscosity_pa_s;
+  f.limit_given = in.printer.suction_limit_pa > 0;
+  f.pull.limit_pa = f.limit_given ? in.printer.suction_limit_pa : kCavitationPa;
   if (o.first_gap_um > 0) f.how.first_gap_um = o.first_gap_um;
   if (o.slices > 0) f.how.slices = o.slices;
   const bool by_place = in.process && in.process->even_light && !o.blue_mw_cm2 && !o.uv_mw_cm2;

@@ -239,7 +239,12 @@ std::string flow_table(const FlowFindings& f) {
   if (f.blind.size() > kMostBlind) {
     text += fmt::format("and {} smaller ones\n", f.blind.size() - kMostBlind);
   }
-  if (f.window) text += window_table(*f.window, f.slices, f.pull);
+  text +=
+      f.window
+          ? window_table(*f.window, f.slices, f.pull)
+          : std::string(
+                "window: taken as rigid; what one that gives way domes, and how long a change of speed takes, is told "
+                "where the printer's [window] or an option says what it is\n");
   text += dosed ? steady_in_words(f) + "\n" : f.no_dose + "\n";
   return text;
 }

@@ -128,8 +128,7 @@ std::string window_table(const WindowFindings& f, const std::vector<SliceFlow>& 
   const WindowRest& r = f.rest[domed];
   const WindowPull& p = f.pull[pulled];
   const std::string change =
-      r.time_s ? fmt::format("a change of speed takes {:.2g} s", *r.time_s)
-               : std::string("how long a change of speed takes is not known of rubber");
+      fmt::format("a change of speed takes {}{:.2g} s", r.at_most ? "at most " : "", r.time_s);
   std::string text = fmt::format(
       "window: {}\n"
       "  printed without a pause: slice {} is domed by {:.3g} um (the window rises {:.3g} um in the middle); {}\n"
@@ -163,14 +162,10 @@ ordered_json window_json(const WindowFindings& f) {
 void add_window_json(const WindowFindings& f, std::size_t slice, ordered_json& to) {
   const WindowRest& r = f.rest[slice];
   const WindowPull& p = f.pull[slice];
-  to["window"] = {{"middle_um", r.middle_um},
-                  {"rim_um", r.rim_um},
-                  {"slope", r.slope},
-                  {"change_s", r.time_s ? ordered_json(*r.time_s) : ordered_json()},
-                  {"pull_n", p.force_n},
-                  {"pull_share", p.share},
-                  {"pull_exponent", p.exponent},
-                  {"pull_travel_um", p.travel_um}};
+  to["window"] = {
+      {"middle_um", r.middle_um}, {"rim_um", r.rim_um},          {"slope", r.slope},
+      {"change_s", r.time_s},     {"change_at_most", r.at_most}, {"pull_n", p.force_n},
+      {"pull_share", p.share},    {"pull_exponent", p.exponent}, {"pull_travel_um", p.travel_um}};
 }
 
 }  // namespace slicecorr::cli

@@ -52,14 +52,17 @@ def percent(share, digits=2):
     return "-" if share is None or share != share else f"{signed(100 * share, digits)} %"
 
 
+def table_lines(table):
+    rows = [" | ".join(str(c) for c in row) for row in (table.head, *table.rows)]
+    return [f"| {rows[0]} |", "|" + "---|" * len(table.head), *(f"| {row} |" for row in rows[1:])]
+
+
 def markdown(sections, picture_prefix):
     out = []
     for s in sections:
         out += [f"### {s.title}", ""]
         out += [f"- **{name}**: {text}" for name, text in s.says()] + [""]
-        for t in s.tables:
-            out += ["| " + " | ".join(t.head) + " |", "|" + "---|" * len(t.head)]
-            out += ["| " + " | ".join(str(c) for c in row) + " |" for row in t.rows] + [""]
+        out += [line for t in s.tables for line in (*table_lines(t), "")]
         out += [line for p in s.pictures for line in (f"![{p.alt}]({picture_prefix}{p.name}.svg)", "")]
         out += [line for n in s.notes for line in (n, "")]
     return "\n".join(out)

@@ -95,7 +95,8 @@ def channels(programs, data):
     panel = Panel("least roofed channel", "layer, absorbance heights", "channel, absorbance heights")
     panel.band([(0.3, low, high), (1.0, low, high)], f"measured, {measured} (Gong 2015)", 1)
     for k, ((dose, exchange), at) in enumerate(points.items()):
-        panel.dots(at, f"told: {dose:g} gel doses at each layer's far edge, lifts exchange {EXCHANGED[exchange]}", k)
+        # Side by side, where they are equal.
+        panel.dots([(layer + 0.012 * k, channel) for layer, channel in at], f"told: {dose:g} gel doses at each layer's far edge, lifts exchange {EXCHANGED[exchange]}", k)
     five = [f["least"] for f in figures if f["dose"] == 5 and f["exchange"] == 0]
 
     def left(height):
@@ -166,6 +167,10 @@ def fins(_programs, data):
         raise Disagrees(f"docs/tomography.md has {len(plane)} rows of light that is corrected in its plane; expected 2")
     second = Table(["level light corrected in its plane, found by", *heads], [[name, *(f"{v} of 9" for v in row)] for name, row in plane.items()])
     figures["in plane"] = plane
+    panel = Panel("level light corrected in its plane", "how they are counted (column of the table)", "fins that are right")
+    panel.line([(1, 3), (5, 3)], "measured, 3 of 9", 4, dashed=True)
+    for k, (name, row) in enumerate(plane.items()):
+        panel.dots([(1 + n + 0.06 * k, v) for n, v in enumerate(row)], f"told, {name}", k)
     like_his = [v for row in plane.values() for v in row[1:4]]
     return Section(
         "fins", "Fins in a vial, with level light and with rays",
@@ -178,7 +183,7 @@ def fins(_programs, data):
                "the axis: where they stand 3 of 9 are among what is told, and near the axis all nine are, as the paper's photograph shows",
         proves_not=f"that it is 3 and not another number: {min(like_his)} to {max(like_his)} are told, by the dose at which printing stops and by how light was found. "
                    "Looked for at the heights at which they are designed, one fin is right, with whichever level light",
-        tables=[table, second], figures=figures)
+        tables=[table, second], pictures=[Picture("fins", "Fins that are right by how they are counted, told and measured", [panel])], figures=figures)
 
 
 def oxygen(programs, data):
@@ -198,6 +203,11 @@ def oxygen(programs, data):
     table.rows.append(["1/t over light, straight: R²", next(r["value"] for r in kelly if "R2" in r["quantity"]), f"{supplied.r2:.4f}"])
     table.rows.append(["where it meets 0, mW/cm²", next(r["value"] for r in kelly if "threshold" in r["quantity"]), f"{figure(at)} (threshold set to 0.2)"])
     table.rows.append(["the same without supply of oxygen", "-", figure(abs(still.at / still.slope), 1)])
+    panel = Panel("inhibition", "light, mW/cm²", "1/t, 1/s")
+    wide = [0.21 + 0.07 * n for n in range(20)]
+    panel.line([(i, 1 / told(i, "--oxygen-supply-per-s", repr(supply))["closed"]["t_inh_supplied_s"]) for i in wide], "told, oxygen comes back")
+    panel.line([(max(at, 0.0), 0.0), (1.6, supplied(1.6))], "straight line through 0.4 to 1.6 mW/cm²", 1, dashed=True)
+    panel.dots([(0.2, 0.0)], "measured threshold", 4)
     zones = [(i, told(i)["dead_zone_um"]["even_light"]) for i in (1.0, 10.0, 100.0)]
     slope = Line([(math.log(i), math.log(z)) for i, z in zones]).slope
     disagree("exponent of the dead zone", -0.5, slope, 0.005)
@@ -213,7 +223,8 @@ def oxygen(programs, data):
         proves="exponents: a dead zone goes as one over the root of light and as the root of oxygen",
         proves_not="sizes: no row has a thickness in um that could be reckoned without the authors' constants. With oxygen that comes back 1/t "
                    "bends near its threshold, so that the line through 0.4 to 1.6 mW/cm² meets 0 at about half of it",
-        tables=[table], figures={"supplied_r2": supplied.r2, "threshold": at, "dead_zone_exponent": slope, "pure_oxygen_ratio": pure})
+        tables=[table], pictures=[Picture("oxygen", "One over the time of inhibition over light, told with oxygen that comes back", [panel])],
+        figures={"supplied_r2": supplied.r2, "threshold": at, "dead_zone_exponent": slope, "pure_oxygen_ratio": pure})
 
 
 def laboratories(_programs, data):

@@ -127,7 +127,8 @@ class Line:
         left = sum((y - self(x)) ** 2 for x, y in points)
         total = sum((y - my) ** 2 for _, y in points)
         self.r2 = 1 - left / total if total else math.nan
-        self.slope_error = math.sqrt(left / (n - 2) / square) if n > 2 else math.nan
+        self.sigma = math.sqrt(left / (n - 2)) if n > 2 else math.nan
+        self.slope_error = self.sigma / math.sqrt(square)
 
     def __call__(self, x):
         return self.at + self.slope * x

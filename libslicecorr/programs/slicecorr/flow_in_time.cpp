@@ -245,7 +245,7 @@ std::string sticks_in_words(const PrintInTime& p) {
 
 std::string end_in_words(const Followed& f) {
   const PrintInTime& p = f.print;
-  const std::string sticks = p.sticks ? sticks_in_words(p) : std::string();
+  std::string sticks = p.sticks ? sticks_in_words(p) : std::string();
   if (const SliceInTime* beyond = beyond_limit(f)) {
     return fmt::format(
         "{}draws {:.3g} Pa in slice {}, {:.2f} s after the first instant, {}. Suction of narrow places falls with finer "

@@ -110,6 +110,7 @@ class Print:
         self.heights_um = np.array([heights[min(n, len(heights) - 1)] for n in range(self.layers)])
         self.nodes_um = np.concatenate([[0.0], np.cumsum(self.heights_um)])
         blue = intensity(images, printer["calibration"])
+        self.pulses = None
         # Roots of light over the root of the mean: of pulses less, since they are full light and black in turn.
         self.rooted = np.ones(blue.shape)
         if printer.get("grey") == "pulsed":
@@ -119,6 +120,9 @@ class Print:
             mean = (1 - share) * black + share * full
             self.rooted = ((1 - share) * math.sqrt(black) + share * math.sqrt(full)) / np.sqrt(mean)
             blue = (share * full**m + (1 - share) * black**m) ** (1 / m)
+            if (process.get("uv") or {"kind": "off"})["kind"] != "off":
+                # UV light takes from full light and from black by itself.
+                blue, self.pulses = np.full(share.shape, full), (share, black / full)
         if flat is not None:
             blue = blue * flat
         shares = process.get("light_share") or [1]
@@ -131,7 +135,7 @@ class Print:
         self.m = resin["m"]
         self.dose = resin["critical_dose_prime"] or resin["critical_dose_mj_cm3"] * self.he_um * 1e-4
         self.bleaching = resin.get("bleaching")
-        self.known = None
+        self.known = self.films = None
         self.a, self.b = resin.get("gel_a_mj_cm2", 0), resin.get("gel_b_sqrt_mw_cm2_s", 0)
         self.layerwise = block["mode"] == "layerwise"
         self.exposure_s = process.get("exposure_s", 0)
@@ -204,6 +208,9 @@ class Print:
         lights, roots, times = [], [], []
         for n, d_um, dt in self.looks(z_um):
             light = self.blue[n][..., None] * np.exp(-d_um / self.he_um) * back
+            if self.pulses is not None:
+                total = greatest = total + self.of_pulses(n, d_um, uv).sum(-1) * dt
+                continue
             if uv and self.uv is not None:
                 light = np.maximum(0, light - self.beta * self.uv[n][..., None] * np.exp(-d_um / self.huv_um))
             if self.gel_time:
@@ -220,10 +227,20 @@ class Print:
             return total
         return self.gelled(np.concatenate(lights, -1), np.concatenate(roots, -1), np.array(times))
 
+    def of_pulses(self, n, d_um, uv=True):
+        """Rates at some distances: full light and black light in their shares of the time, with UV light all along."""
+        share, black = self.pulses
+        light = self.blue[n][..., None] * np.exp(-d_um / self.he_um)
+        taken = self.beta * self.uv[n][..., None] * np.exp(-d_um / self.huv_um) if uv else 0
+        of = [np.maximum(0, part * light - taken) ** self.m for part in (1, black)]
+        return share[n][..., None] * of[0] + (1 - share[n])[..., None] * of[1]
+
     def own_doses(self):
         """Layer by layer: what each exposure by itself leaves at its window, and at its layer's far edge."""
         if self.uv is not None:
             return self.net_own_doses()
+        if self.gel_time or self.bleaching:
+            return self.alone()
         window = self.blue ** self.m * self.exposure_s / self.dose
         z_um = self.nodes_um[:, None, None]
         far = window * np.exp(-self.m * self.heights_um / self.he_um)[:, None, None]
@@ -232,11 +249,45 @@ class Print:
             return (1 + self.rho * np.exp(-2 * z / self.he_um)) ** self.m
         return window * back(z_um[1:]), far * back(z_um[:-1])
 
+    def alone(self, cells=64):
+        """The same of resins whose doses are no sums, in cells of a fresh layer; and what gels as far as a film."""
+        doses = []
+        for n in range(self.layers):
+            nodes = np.linspace(0, self.heights_um[n], cells + 1)
+            z_um = self.nodes_um[n + 1] - nodes[:, None, None]
+            if self.gel_time:
+                back = 1 + self.rho * np.exp(-2 * z_um / self.he_um)
+                light = self.blue[n] * np.exp(-nodes / self.he_um)[:, None, None] * back
+                x = light * self.exposure_s / self.a
+                y = np.sqrt(light) * self.rooted[n] * self.exposure_s / self.b
+                doses.append(x * y / np.maximum(x + y, 1e-300))
+                continue
+            # Light in small steps of time, absorbed by what each cell has had.
+            dz, steps = self.heights_um[n] / cells, 256
+            fresh, eb = 1 / self.he_um, self.bleaching["dose_mj_cm2"]
+            bleached = math.log(10) / self.bleaching["absorbance_height10_um"]
+            had = np.zeros((cells + 1,) + self.blue.shape[1:])
+            step = self.blue[n] * self.exposure_s / steps
+
+            def gained(had):
+                fall = bleached + (fresh - bleached) * np.exp(-had / eb)
+                fall = 0.5 * dz * (fall[1:] + fall[:-1])
+                return step * np.exp(-np.concatenate([np.zeros((1,) + fall.shape[1:]), np.cumsum(fall, axis=0)]))
+            for _ in range(steps):
+                had += gained(had + 0.5 * gained(had))
+            doses.append(had / self.dose)
+        doses = np.array(doses)
+        self.films = doses[:, cells // 2] >= 1 - 1e-9
+        return doses[:, 0], doses[:, -1]
+
     def net_own_doses(self):
         """The same under UV light: the greatest dose in the layer, and at its far edge; and how much of it gels."""
         d_um = (np.arange(16) + 1) / 16 * self.layer_um
         doses = []
         for n in range(self.layers):
+            if self.pulses is not None:
+                doses.append(self.of_pulses(n, d_um) * self.exposure_s / self.dose)
+                continue
             light = self.blue[n][..., None] * np.exp(-d_um / self.he_um)
             light = np.maximum(0, light - self.beta * self.uv[n][..., None] * np.exp(-d_um / self.huv_um))
             doses.append(light ** self.m * self.exposure_s / self.dose)
@@ -261,13 +312,13 @@ class Print:
 
     def followed(self, cells=32):
         """Doses in cells of resin, which absorb by the dose that they have had: all light, in time."""
-        dz = self.layer_um / cells
+        dz = np.repeat(self.heights_um / cells, cells)[:, None, None]
         fresh, eb = 1 / self.he_um, self.bleaching["dose_mj_cm2"]
         bleached = math.log(10) / self.bleaching["absorbance_height10_um"]
         dose = np.zeros((self.layers * cells,) + self.blue.shape[1:])
 
         def gained(had, light):
-            fall = (bleached + (fresh - bleached) * np.exp(-had / eb)) * dz
+            fall = (bleached + (fresh - bleached) * np.exp(-had / eb)) * dz[:len(had)]
             after = np.cumsum(fall[::-1], axis=0)[::-1]
             return light * np.exp(-(after - 0.5 * fall))
 
@@ -282,22 +333,22 @@ class Print:
                     shine((n + 1) * cells, self.blue[n] * self.exposure_s / cells)
                     continue
                 # While the window passes a cell, those before it are lit through half of it.
-                k, dt = n * cells + c, dz / self.um_s[n]
-                fall = (bleached + (fresh - bleached) * np.exp(-0.25 * self.blue[n] * dt / eb)) * dz
+                k, dt = n * cells + c, dz[n * cells, 0, 0] / self.um_s[n]
+                fall = (bleached + (fresh - bleached) * np.exp(-0.25 * self.blue[n] * dt / eb)) * dz[n * cells, 0, 0]
                 shine(k, self.blue[n] * np.exp(-0.5 * fall) * dt)
                 dose[k] += self.blue[n] * 0.5 * dt * np.exp(-0.25 * fall)
-        return dose / self.dose, dz
+        return dose / self.dose, cells
 
     def bleached_doses(self, heights_um):
         self.known = self.known or self.followed()
-        dose, dz = self.known
-        cells = len(dose) // self.layers
+        dose, cells = self.known
         out = []
         for z_um in heights_um:
             # Between the middles of two cells of the layer: at nodes, those of the one that ends or begins there.
-            n = min(int(z_um / self.layer_um + 1e-9), self.layers - 1)
-            at = np.clip(math.floor(z_um / dz - 0.5), n * cells, (n + 1) * cells - 2)
-            share = z_um / dz - 0.5 - at
+            n = min(int(np.searchsorted(self.nodes_um, z_um + 1e-7 * self.layer_um, "right")) - 1, self.layers - 1)
+            place = n * cells + (z_um - self.nodes_um[n]) / self.heights_um[n] * cells
+            at = np.clip(math.floor(place - 0.5), n * cells, (n + 1) * cells - 2)
+            share = place - 0.5 - at
             out.append(dose[at] + share * (dose[at + 1] - dose[at]))
         return np.array(out)
 

@@ -118,10 +118,17 @@ std::uint64_t wrong_by_sums(const MemorySlices& target, const MemorySlices& show
       }
     }
   }
+  std::vector<double> node_um{0};
+  const std::vector<double>& heights = s.process.layer_heights_um;
+  for (std::size_t n = 0; n < static_cast<std::size_t>(all); ++n) {
+    node_um.push_back(node_um.back() +
+                      (heights.empty() ? kLayerUm : heights[std::min(n, heights.size() - 1)]));
+  }
   const double end_um = s.printer.resin_depth_um > 0 ? s.printer.resin_depth_um : 1e9;
   std::uint64_t count = 0;
   for (int n = 0; n < all; ++n) {
-    const double z_um = (n + 0.5) * kLayerUm;
+    const auto layer = static_cast<std::size_t>(n);
+    const double z_um = (node_um[layer] + node_um[layer + 1]) / 2;
     const double back =
         std::pow(1 + s.printer.platform_reflectance * std::exp(-2 * z_um / kHeightE), m);
     for (int y = 0; y < kHeight; ++y) {
@@ -129,8 +136,9 @@ std::uint64_t wrong_by_sums(const MemorySlices& target, const MemorySlices& show
         double sum = 0;
         for (int k = n; k < all; ++k) {
           // The window is at these distances while slice k is shown.
-          const double from = std::max(0.0, k * kLayerUm - z_um),
-                       to = std::min((k + 1) * kLayerUm - z_um, end_um);
+          const auto slice = static_cast<std::size_t>(k);
+          const double from = std::max(0.0, node_um[slice] - z_um),
+                       to = std::min(node_um[slice + 1] - z_um, end_um);
           if (to <= from) continue;
           sum +=
               at(k, x, y) * height_um * (std::exp(-from / height_um) - std::exp(-to / height_um));
@@ -206,6 +214,21 @@ std::vector<Law> laws() {
        [](int n, int, int) { return n < 10   ? 1.2
                                     : n < 25 ? 1.0
                                              : 1200.0 / 900; }},
+      {"slices differ in height",
+       [](slicecorr::Setup& s) {
+         s.process.layer_heights_um = std::vector<double>(12, 40);
+         s.process.layer_heights_um.resize(24, 60);
+         s.process.layer_heights_um.push_back(45);
+       },
+       one},
+      {"slices differ in height, and the resin bleaches",
+       [](slicecorr::Setup& s) {
+         s.process.layer_heights_um = std::vector<double>(12, 40);
+         s.process.layer_heights_um.resize(24, 60);
+         s.process.layer_heights_um.push_back(45);
+         s.resin.bleaching = Bleaching{units::height10_from_e(1500), 30};
+       },
+       nullptr},
       {"a time to gel",
        [](slicecorr::Setup& s) {
          s.resin = test::bright_resin();

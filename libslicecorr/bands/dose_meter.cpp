@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <limits>
 #include <mutex>
 #include <optional>
 
@@ -21,6 +22,25 @@ namespace slicecorr::detail {
 
 namespace {
 
+/// Doses that are no sums: by walking up through slices of full light until nothing changes.
+double most_by_walk(const CureModel& model) {
+  constexpr int longest = 20000;
+  constexpr double same = 1e-7;
+  BandDose dose(model, 1);
+  const double full = model.phi_max();
+  ImageShowing showing;
+  showing.phi = &full;
+  double most = 0;
+  for (int k = 0; k < longest; ++k) {
+    // What slices count for is that of those after the last.
+    dose.add_slice(std::numeric_limits<int>::max() / 2 - k, {&showing, 1});
+    const double middle = *dose.middle();
+    if (k > 0 && middle <= most * (1 + same)) return middle;
+    most = middle;
+  }
+  return most;
+}
+
 /// The dose that full light for ever gives the middle of a layer; layer by layer that of all exposures
 /// together, of the layer in which it is the greatest.
 double most_dose(const CureModel& model) {
@@ -31,6 +51,7 @@ double most_dose(const CureModel& model) {
     }
     return most;
   }
+  if (!model.adds_up()) return most_by_walk(model);
   const double full = model.steady(model.phi_max());
   if (model.mode == ExposureMode::continuous) return full * model.greatest_ratio();
   double most = 0;

@@ -541,7 +541,11 @@ std::vector<double> PlaceWindows::greatest_mw_cm2() const {
   for (std::size_t v = 0; v < totals_.size(); ++v) {
     if (!totals_[v]) continue;
     const auto value = static_cast<std::uint8_t>(v);
-    const std::vector<double> blue = level_intensities(models_.printer_at(value));
+    std::vector<double> blue = level_intensities(models_.printer_at(value));
+    // Pulses are full light while they last.
+    if (models_.printer().grey == GreyLight::pulsed) {
+      std::fill(blue.begin() + 1, blue.end(), blue.back());
+    }
     const std::vector<std::uint8_t>& brightest = totals_[v]->brightest();
     for (std::size_t n = 0; n < greatest.size(); ++n) {
       const int level = level_of_pixel(brightest[n], static_cast<int>(blue.size()));

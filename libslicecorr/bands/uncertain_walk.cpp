@@ -43,6 +43,11 @@ UncertainTotal::UncertainTotal(const Setup& setup, const PlaceModels& models, co
 Process with_known_uv(const PlaceModels& models, std::uint8_t value) {
   Process process = models.process_at(value);
   if (process.uv.kind != UvKind::constant) return process;
+  // What is asked of a lamp that fades is known.
+  if (!process.uv_lamp_share.empty() && process.uv.uv_mw_cm2 > 0) {
+    process.uv.dead_zone_um = 0;
+    return process;
+  }
   process.uv.uv_mw_cm2 = models.model(value).inhibited()->setting_uv_mw_cm2(0, 0);
   process.uv.dead_zone_um = 0;
   return process;

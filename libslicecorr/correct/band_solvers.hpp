@@ -44,6 +44,9 @@ std::unique_ptr<BandSolver> make_inhibited_solver(const CorrectionPlan& plan, st
                                                   BandDoses doses);
 /// The solver of laws whose levels are tried (tried_column.hpp), in both modes.
 std::unique_ptr<BandSolver> make_tried_solver(const CorrectionPlan& plan, std::size_t columns);
+/// The same where doses are wanted.
+std::unique_ptr<BandSolver> make_tried_solver(const CorrectionPlan& plan, std::size_t columns,
+                                              BandDoses doses);
 
 /// The same for one column: levels, and intensities before rounding to levels.
 std::vector<std::uint8_t> solve_layerwise_column(const CorrectionPlan& plan,

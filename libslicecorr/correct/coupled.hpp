@@ -130,7 +130,7 @@ class CoupledCorrection {
     CaseFigures before, after;
     std::uint64_t aims = 0;  ///< doses that were wanted for it
   };
-  /// After the rounds, for plain columns in even light that does not scatter: goes on with rounds in which
+  /// After the rounds, where doses are sums of light that does not scatter: goes on with rounds in which
   /// what fails in the cases is asked for other doses, and keeps the levels with which the fewest fail of
   /// those that have no more fail as said. The models are those of prints with all inputs off.
   Held hold_in(const CureModel& weak, const CureModel& strong, const ExecutionContext& context);

@@ -203,6 +203,9 @@ class PatchField {
     }
     kept_.push_back(1);
     for (int k = 0; k < plan.slices; ++k) kept_.push_back(kept_.back() * static_cast<Real>(plan.a));
+    const CureModel& model = plan.columns.model;
+    for (int n = 0; n <= plan.slices && !model.heights.alike(); ++n)
+      depths_.push_back(model.depth(n));
   }
 
   const PatchPlace& place() const { return place_; }
@@ -341,8 +344,8 @@ class PatchField {
     const int steps = s.since - slice_ - 1, guide_steps = steps + (guides_stepped_ ? 1 : 0);
     const std::size_t first = first_of(k);
     const Real* const seen = seen_light(k);
-    towards(dose_.data() + first, seen + first, steps);
-    if (!guide_.empty()) towards(guide_.data() + first, own_.data() + first, guide_steps);
+    towards(dose_.data() + first, seen + first, s.since, steps);
+    if (!guide_.empty()) towards(guide_.data() + first, own_.data() + first, s.since, guide_steps);
   }
   void sleep(int k) {
     square(k).asleep = true;
@@ -413,9 +416,14 @@ class PatchField {
 
  private:
   const Real* taps() const;
-  void towards(Real* field, const Real* goal, int steps) const {
+  /// Through so many slices after `since`.
+  void towards(Real* field, const Real* goal, int since, int steps) const {
     if (steps <= 0) return;
-    const Real left = kept_[static_cast<std::size_t>(steps)];
+    const auto from = static_cast<std::size_t>(since), count = static_cast<std::size_t>(steps);
+    const Real left =
+        depths_.empty()
+            ? kept_[count]
+            : static_cast<Real>(std::pow(plan_.a, depths_[from] - depths_[from - count]));
     for (int y = 0; y < kSquare; ++y, field += place_.stride, goal += place_.stride) {
       for (int i = 0; i < kSquare; ++i) field[i] = goal[i] + (field[i] - goal[i]) * left;
     }
@@ -459,6 +467,7 @@ class PatchField {
   std::vector<int> watched_;
   std::vector<std::uint8_t> matters_;  ///< squares whose light may reach watched ones; empty: all
   std::vector<Real> kept_;             ///< a^k
+  std::vector<double> depths_;         ///< of nodes, in layers; empty: layers are alike
   /// Where the bath ends: the light of the slices that are in it, the last one first.
   std::deque<std::shared_ptr<const std::vector<Real>>> held_;
   std::vector<double> field_;

@@ -30,7 +30,7 @@ void PatchSolver::round_to_levels() {
     set_level(at, table.phi(above) - phi < phi - table.phi(below) ? above : below);
   }
   // Features are not left under their dose by rounding.
-  const float room = static_cast<float>(plan_.margin / plan_.b);
+  const float room = static_cast<float>(plan_.margin / plan_.b_of(slice()));
   for (const std::size_t at : touched_) {
     if (here_[at] != 255 || light_[at] >= raw_lo_[at] - room || levels_[at] >= plan_.top) continue;
     if (raw_lo_[at] >= shine_of(255, at)) continue;

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <utility>
 
 #include "correct/coupled_kernels.hpp"
@@ -57,11 +58,13 @@ class LitPart {
     dose.assign(light.size(), 0.0);
     // Light of slices beyond the bath's end does nothing more.
     const int bath = model_.bath_slices;
+    // Slices after the last one are as high as it.
+    constexpr int last = std::numeric_limits<int>::max();
     for (int k = 1; k < most; ++k) {
       if (bath > 0 && k > bath) return 0;
       if (!scatter_.none()) scatter_.apply(dose.data(), box_);
       for (std::size_t i = 0; i < dose.size(); ++i) {
-        dose[i] = model_.one_minus_a * light[i] + model_.a * dose[i];
+        dose[i] = model_.step_in(last, light[i], dose[i]);
       }
       if (dose[middle] >= 1) return k;
     }
@@ -85,7 +88,8 @@ int slices_to_gel_at_edges(const CureModel& model, const LightBlur& blur,
                            const SliceScatter& scatter) {
   const int least = model.slices_to_gel();
   if (blur.none() && scatter.none()) return least;
-  const int most = std::max(least, static_cast<int>(std::ceil(1 / model.eta)));
+  const int most = std::max(
+      least, static_cast<int>(std::ceil(1 / model.eta_of(std::numeric_limits<int>::max()))));
   const LitPart part(model, blur, scatter);
   int corners = 0, edges = 0;
   for (const int sx : {-1, 1}) {
@@ -116,6 +120,7 @@ CoupledPlan::CoupledPlan(const CorrectionPlan& column_plan, const LightBlur& lig
       m(column_plan.model.m),
       below(layerwise ? 0 : column_plan.model.root_a),
       norm(layerwise ? column_plan.model.root_a : 1 + column_plan.model.root_a),
+      slowest(column_plan.model.a),
       bath(column_plan.model.bath_slices),
       beyond(column_plan.model.beyond),
       unit(layerwise ? a / b : 1),
@@ -127,6 +132,7 @@ CoupledPlan::CoupledPlan(const CorrectionPlan& column_plan, const LightBlur& lig
         "light that spreads is corrected without patterned UV light: leave it out, or correct columns "
         "alone");
   }
+  for (const double own : columns.model.own_a) slowest = std::max(slowest, own);
   if (want_their_light(columns.model)) wants = std::make_shared<const CoupledColumns>(columns);
   top = columns.levels.size() - 1;
   shine_step = 0;

@@ -45,16 +45,33 @@ struct CoupledPlan {
   double a, b, m;
   /// Doses are as they gel, with the light that the platform sends back: that of node n is `gain` times
   /// the light of slice n and `kept` times the dose of node n + 1.
-  double gain(int slice) const { return back(slice) * b; }
-  double kept(int slice) const { return a * back(slice) / back(slice + 1); }
+  double gain(int slice) const { return back(slice) * b_of(slice); }
+  double kept(int slice) const { return columns.model.a_of(slice) * back(slice) / back(slice + 1); }
+  /// What the light of a slice adds to the dose at its node, of the slice's own height; layer by layer light
+  /// has the unit of a layer of the usual height.
+  double b_of(int slice) const {
+    const CureModel& model = columns.model;
+    if (model.heights.alike()) return b;
+    return layerwise ? model.a_of(slice) * b / a : model.one_minus_a_of(slice);
+  }
   /// Dose in the middle of layer n: that of its upper node and `middle_below` times that of the lower
   /// one, over `middle_norm`. Layer by layer nodes are seen from inside their layer.
-  double middle_below(int slice) const { return below * back(slice) / back(slice + 1); }
-  double middle_norm(int slice) const { return norm * back(slice) / back(slice + 0.5); }
-  /// Whether slices up to this one have factors of their own, so that doses follow no common law.
-  bool mirrored(int slice) const { return slice <= columns.model.mirrored_slices; }
+  double middle_below(int slice) const {
+    const double its = layerwise ? 0 : columns.model.root_a_of(slice);
+    return its * back(slice) / back(slice + 1);
+  }
+  double middle_norm(int slice) const {
+    const double root = columns.model.root_a_of(slice), its = layerwise ? root : 1 + root;
+    return its * back(slice) / back(slice + 0.5);
+  }
+  /// Whether slices up to this one have factors of their own, so that doses follow no common law. Continuous,
+  /// doses go towards the light whatever the heights; layer by layer each height has its own.
+  bool mirrored(int slice) const {
+    return slice <= columns.model.mirrored_slices || (layerwise && !columns.model.heights.alike());
+  }
   double back(double zeta) const { return columns.model.returned(zeta); }
-  double below, norm;  ///< `middle_below` and `middle_norm` far from the platform
+  double below, norm;  ///< `middle_below` and `middle_norm` far from the platform, of usual layers
+  double slowest;      ///< the greatest share of a dose that a slice leaves
   /// Slices that the bath holds, and what of the light of the one that leaves it is taken from that of
   /// a slice; 0: the bath has no end.
   int bath;

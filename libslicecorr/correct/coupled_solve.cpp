@@ -134,7 +134,9 @@ void PatchSolver::classify(std::size_t at) {
     if (rim) soft_[at] = std::max(kRimDose, 1 + 4 * margin);
     // What holds at each lift adds up to this.
     if (rim && plan_.joint > 0) {
-      soft_[at] = std::max(soft_[at], static_cast<float>(kRimOfHeld * plan_.joint / plan_.b));
+      soft_[at] =
+          std::max(soft_[at], static_cast<float>(kRimOfHeld * plan_.joint /
+                                                 plan_.columns.model.one_minus_a_of(slice())));
     }
     if (plan_.graded) {
       // As the column alone has it, as far as outlines and gaps allow.
@@ -217,7 +219,7 @@ void PatchSolver::aim(int k) {
   const AimRule rule{static_cast<float>(plan_.gain(slice())),
                      static_cast<float>(plan_.kept(slice())),
                      static_cast<float>(plan_.light_of[255] * ratio_),
-                     0.5F * static_cast<float>(plan_.margin / plan_.b),
+                     0.5F * static_cast<float>(plan_.margin / plan_.b_of(slice())),
                      kEdgeWeight,
                      task_.first};
   aim_square(seen_light(k) + first, below() + first, dose_.data() + first, guides_of(first),
@@ -226,7 +228,7 @@ void PatchSolver::aim(int k) {
              {lo_.data() + first, hi_.data() + first, lo_weight_.data() + first,
               hi_weight_.data() + first},
              raw_lo_.data() + first, raw_hi_.data() + first);
-  const float room = static_cast<float>(plan_.margin / plan_.b);
+  const float room = static_cast<float>(plan_.margin / plan_.b_of(slice()));
   for (std::size_t y = 0; y < kSquare && plan_.joint > 0; ++y) {
     const std::size_t from = first + y * stride;
     for (std::size_t at = from; at < from + kSquare; ++at) {

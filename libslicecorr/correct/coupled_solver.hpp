@@ -46,7 +46,7 @@ class PatchSolver : public PatchField<float> {
     neutral(0, size);
     aimed_at_.assign(size / (std::size_t{kSquare} * kSquare), -1);
     check_until_.assign(aimed_at_.size(), plan.slices);
-    fades_ = static_cast<int>(std::ceil(std::log(kFaded) / std::log(plan.a)));
+    fades_ = static_cast<int>(std::ceil(std::log(kFaded) / std::log(plan.slowest)));
     if (!task.first) {
       std::vector<int> near;
       for (const Request& r : task.requests) {

@@ -410,6 +410,7 @@ std::unique_ptr<BandSolver> make_graded_solver(const CorrectionPlan& plan, std::
   if (plan.model.inhibited() && !plan.inhibited->even) {
     return make_inhibited_solver(plan, columns, std::move(doses));
   }
+  if (plan.tried) return make_tried_solver(plan, columns, std::move(doses));
   static_cast<void>(make_graded_column(plan, *doses.scale));
   return std::make_unique<GradedSolver>(plan, columns, std::move(doses));
 }

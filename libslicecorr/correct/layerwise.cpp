@@ -176,6 +176,8 @@ void darken(double* far_edge, double dark, double a) {
 /// resin it is no less than the brightest of them, which is taken: no feature gets thinner by it.
 double left_by(const CureModel& model, int slice, double light, double after) {
   const bool exchanged = model.lifts && model.lifts->exchange.value_or(0) > 0;
+  // In resin that ends the brightest may have left it.
+  if (exchanged && model.bath_slices > 0) return light * model.a_of(slice);
   return (exchanged ? std::max(light, after) : light + after) * model.a_of(slice);
 }
 
@@ -203,7 +205,7 @@ void LayerwiseSolver::solve(const BandCorrector::Sink& sink, const BandCorrector
     bool all_dark = true;
     std::uint8_t* const leaves =
         bath > 0 ? held.data() + static_cast<std::size_t>(n) % bath * columns : nullptr;
-    if (leaves && n + plan_.model.bath_slices < plan_.all_layers) {
+    if (leaves && !exchanged && n + plan_.model.bath_slices < plan_.all_layers) {
       const double far_ratio = plan_.model.ratio(n + plan_.model.bath_slices);
       for (std::size_t i = 0; i < columns; ++i) {
         far_edge[i] -= plan_.model.beyond * (plan_.levels.phi(leaves[i]) * far_ratio);

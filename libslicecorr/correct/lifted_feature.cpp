@@ -35,6 +35,8 @@ LiftedFeature::LiftedFeature(const CureModel& model, const LevelTable* levels,
                       (model.heights.alike() ? model.one_minus_a : -std::expm1(-fall));
   const double slices = std::log(std::max(1.0, most) / kNothing) / fall;
   reach_ = static_cast<int>(std::min(kMostReach, std::ceil(slices)));
+  // What a slice shows beyond the end of the resin does nothing at the node.
+  if (model.bath_slices > 0) reach_ = std::min(reach_, model.bath_slices);
 }
 
 double LiftedFeature::least(double phi) const {
@@ -142,8 +144,11 @@ bool LiftedFeature::lift_to(const Ask& ask, double least_dose, double exchange,
   return true;
 }
 
-LiftedFeature::Light LiftedFeature::solve(const Ask& ask) const {
+LiftedFeature::Light LiftedFeature::solve(const Ask& its) const {
   const LiftModel& lifts = *model_.lifts;
+  Ask ask = its;
+  // Where the resin ends not all of this reaches the node: no feature gets thinner for what does not.
+  if (model_.bath_slices > 0) ask.after = 0;
   Light light;
   if (!places_edge(lifts)) {
     light.phi = floors(ask, 0);

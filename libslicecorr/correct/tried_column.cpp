@@ -5,12 +5,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "correct/band_solvers.hpp"
 #include "correct/column_band.hpp"
 #include "correct/coverage.hpp"
-#include "cure/gel_time_cut.hpp"
-#include "cure/steps.hpp"
+#include "correct/tried_doses.hpp"
+#include "cure/own_exposure.hpp"
 #include "slicecorr/target.hpp"
 #include "slicecorr/units.hpp"
 
@@ -33,101 +34,6 @@ constexpr int kMany = 128;
 /// By how many levels slices before an edge are moved to either side to place it.
 constexpr int kMoves = 3;
 
-/// The doses of a column whose slices are set from the last to the first: what a law must say to have
-/// its levels tried.
-///
-/// - `set(n, level)`: slice n shows it; those after it are set.
-/// - `dose(layer, up)`: at a place so many slices above the lower node of a layer; `upper`, `middle`: there.
-
-/// With a time to gel.
-class GelTimeDoses {
- public:
-  explicit GelTimeDoses(const TriedPlan& plan)
-      : kernel_(std::get<WithGelTime>(plan.model.law).kernel),
-        cut_(plan.model),
-        model_(plan.model),
-        all_(plan.all_layers),
-        state_(static_cast<std::size_t>(std::max(all_, 0)) + 1),
-        light_(state_.size()) {}
-
-  void clear() { state_.back() = {}; }
-  void set(int n, int level) {
-    const auto at = static_cast<std::size_t>(n);
-    const CutLight& l = kernel_->light(level);
-    light_[at] = kernel_->in_slice(n, l, model_.ratio(n));
-    state_[at] = cut_.step(light_[at], state_[at + 1]);
-  }
-  double dose(int layer, double up) const { return at(layer, kernel_->fade(up), up); }
-  double upper(int layer) const { return at(layer, cut_.node(), 1.0); }
-  double middle(int layer) const { return at(layer, cut_.middle(), 0.5); }
-
- private:
-  /// What lies below a layer.
-  struct Below {
-    const GelTimeDoses& doses;
-    int layer;
-    int count() const { return doses.all_ - layer; }
-    const CutLight& at(int j) const {
-      return doses.state_[static_cast<std::size_t>(layer + 1 + j)];
-    }
-    double x(int j) const { return at(j).x; }
-    double y(int j) const { return at(j).y; }
-    const CutLight& light(int j) const {
-      return doses.light_[static_cast<std::size_t>(layer + 1 + j)];
-    }
-  };
-  double at(int layer, const CutLight& left, double up) const {
-    return cut_.dose(light_[static_cast<std::size_t>(layer)], left, Below{*this, layer}, hint_,
-                     cut_.returned(layer + 1 - up));
-  }
-
-  std::shared_ptr<const GelTimeKernel> kernel_;
-  GelTimeCut cut_;
-  const CureModel& model_;
-  int all_;
-  std::vector<CutLight> state_, light_;
-  mutable int hint_ = 0;
-};
-
-/// Where the dose further up follows from the one below.
-template <typename Steps>
-class SteppedDoses {
- public:
-  explicit SteppedDoses(const TriedPlan& plan)
-      : steps_(plan.model),
-        model_(plan.model),
-        layerwise_(plan.layerwise),
-        dose_(static_cast<std::size_t>(std::max(plan.all_layers, 0)) + 1),
-        light_(dose_.size()) {}
-
-  void clear() { dose_.back() = 0; }
-  void set(int n, int level) {
-    const auto at = static_cast<std::size_t>(n);
-    light_[at] = model_.ratio(n) * model_.level_phi[static_cast<std::size_t>(level)];
-    dose_[at] = layerwise_ ? steps_.faded(light_[at] + dose_[at + 1])
-                           : steps_.node(light_[at], dose_[at + 1]);
-  }
-  double dose(int layer, double up) const { return after(layer, steps_.part(up)); }
-  double upper(int layer) const { return dose_[static_cast<std::size_t>(layer)]; }
-  double middle(int layer) const {
-    const auto at = static_cast<std::size_t>(layer);
-    return layerwise_ ? steps_.faded_half(light_[at] + dose_[at + 1])
-                      : steps_.middle(light_[at], dose_[at + 1]);
-  }
-
- private:
-  double after(int layer, const typename Steps::Part& part) const {
-    const auto at = static_cast<std::size_t>(layer);
-    return layerwise_ ? steps_.after(part, 0.0, light_[at] + dose_[at + 1])
-                      : steps_.after(part, light_[at], dose_[at + 1]);
-  }
-
-  Steps steps_;
-  const CureModel& model_;
-  bool layerwise_;
-  std::vector<double> dose_, light_;  ///< at each node, of each slice
-};
-
 /// One column after the other; `Doses`: of the law.
 template <typename Doses>
 class TriedColumn final : public ColumnSolver {
@@ -144,6 +50,14 @@ class TriedColumn final : public ColumnSolver {
   };
 
   void read(const std::vector<CoverageRun>& runs, const std::vector<LeftAloneRun>& left_alone);
+  /// The doses that nodes inside features are to have, layer by layer middles of layers.
+  void read_wanted();
+  void want(int first, int end);
+  /// The dose beyond which black light alone leaves more than `dose` so many slices further up.
+  double falls_to(double dose, double slices) const;
+  double wanted(int n) const {
+    return wanted_.empty() ? 0.0 : wanted_[static_cast<std::size_t>(n)];
+  }
   int cover(int n) const {
     return n >= 0 && n < plan_.layers ? cover_[static_cast<std::size_t>(n)] : 0;
   }
@@ -180,6 +94,16 @@ class TriedColumn final : public ColumnSolver {
   int level_through(int n, int level);
   int grey_level(int n);
   int layerwise_level(int n);
+  /// With lifts: the least level of a slice whose own exposure holds its layer (docs/lifts.md).
+  void find_holding();
+  /// The same of a layer of a feature at hand, as far as it may shine; 0 without lifts. What stands on the
+  /// platform keeps full light, where that stays in its column.
+  int holding(int n) const {
+    if (holding_.empty()) return 0;
+    return n < stands_end_ && !plan_.careful
+               ? cap(n)
+               : std::min<int>(holding_[static_cast<std::size_t>(n)], cap(n));
+  }
   /// Whether full light from slice n - 1 on can still do what is asked.
   bool can_do(int n);
   /// Whether the present slice has its layer of a feature printed.
@@ -204,7 +128,10 @@ class TriedColumn final : public ColumnSolver {
   std::vector<double> below_;
   std::vector<std::int16_t> given_;
   bool any_given_ = false;
-  std::vector<int> above_;  ///< per slice: the last layer up to it that is not empty; -1: none
+  std::vector<double> wanted_;  ///< by layer; empty: just enough
+  std::vector<Level> holding_;  ///< by slice; empty: nothing is lifted
+  int stands_end_ = 0;          ///< layers of the feature that stands on the platform
+  std::vector<int> above_;      ///< per slice: the last layer up to it that is not empty; -1: none
   std::vector<Ask> asks_;
   int before_ = 0;  ///< level of the slice that was solved last
 };
@@ -217,6 +144,35 @@ TriedColumn<Doses>::TriedColumn(const TriedPlan& plan) : plan_(plan), doses_(pla
   below_.resize(static_cast<std::size_t>(std::max(plan.layers, plan.all_layers)) + 2);
   above_.resize(count);
   given_.resize(count);
+  if (plan.layerwise && plan.model.lifts) find_holding();
+}
+
+template <typename Doses>
+void TriedColumn<Doses>::find_holding() {
+  const CureModel& model = plan_.model;
+  const double least = model.lifts->green_strength * (1 + plan_.margin());
+  const GelTimeKernel* const kernel = model.gel_time();
+  for (int n = 0; n < plan_.all_layers; ++n) {
+    // Slices that get the same light and time are alike, but beside a platform that sends light back.
+    const bool alike = n > model.mirrored_slices && model.ratio(n) == model.ratio(n - 1) &&
+                       model.height(n) == model.height(n - 1) &&
+                       (!kernel || kernel->root_share(n) == kernel->root_share(n - 1));
+    if (alike) {
+      holding_.push_back(holding_.back());
+      continue;
+    }
+    int low = 0, high = plan_.highest;
+    while (low < high) {
+      const int level = (low + high) / 2;
+      const double phi = model.level_phi[static_cast<std::size_t>(level)];
+      if (own_exposure(model, n, phi).far >= least) {
+        high = level;
+      } else {
+        low = level + 1;
+      }
+    }
+    holding_.push_back(static_cast<Level>(low));
+  }
 }
 
 template <typename Doses>
@@ -228,7 +184,9 @@ void TriedColumn<Doses>::read(const std::vector<CoverageRun>& runs,
     return height != 0 ? std::clamp(edge_height_slices(height), -plan_.farthest(), plan_.farthest())
                        : 0.0;
   };
+  stands_end_ = 0;
   for (const CoverageRun& run : runs) {
+    if (run.first == 0 && run.coverage == kFull) stands_end_ = run.end;
     std::fill(cover_.begin() + run.first, cover_.begin() + run.end, run.coverage);
     below_[static_cast<std::size_t>(run.first)] = farthest(run.upper_height);
     below_[static_cast<std::size_t>(run.end)] = farthest(run.lower_height);
@@ -242,6 +200,67 @@ void TriedColumn<Doses>::read(const std::vector<CoverageRun>& runs,
   for (int n = 0; n < plan_.all_layers; ++n) {
     if (cover(n) != 0) last = n;
     above_[static_cast<std::size_t>(n)] = last;
+  }
+}
+
+template <typename Doses>
+double TriedColumn<Doses>::falls_to(double dose, double slices) const {
+  const CureModel& model = plan_.model;
+  const double black = model.phi_min();
+  // Layer by layer a black exposure comes after each layer.
+  const double exposures = plan_.layerwise ? black * slices : 0.0;
+  if (const BleachingLaw* const law = model.bleaching()) {
+    const double gain = plan_.layerwise ? 0.0 : black * law->absorbed(1.0);
+    return std::max(1.0, law->after(dose, -slices, gain) - exposures);
+  }
+  // No dose of a time to gel falls by less than the root of light.
+  const double left = model.gel_time()->fade(slices).y;
+  const double lit = plan_.layerwise ? 0.0 : black * (1 - left);
+  return std::max(1.0, (dose - lit) / left - exposures);
+}
+
+template <typename Doses>
+void TriedColumn<Doses>::read_wanted() {
+  wanted_.clear();
+  if (bounds_->wanted.empty()) return;
+  wanted_.assign(cover_.size(), 0.0);
+  for (int n = 0; n < plan_.layers; ++n) {
+    if (cover(n) != kFull) continue;
+    int end = n + 1;
+    while (cover(end) == kFull) ++end;
+    want(n, end);
+    n = end;
+  }
+}
+
+/// Of the feature of layers first .. end - 1, from the platform's side on.
+template <typename Doses>
+void TriedColumn<Doses>::want(int first, int end) {
+  const auto layer = [&](int n) { return bounds_->wanted[static_cast<std::size_t>(n)]; };
+  const CureModel& model = plan_.model;
+  const bool free_above = first == 0 || left_alone(first - 1);
+  double least_cap = std::numeric_limits<double>::infinity(), most = least_cap;
+  for (int n = first; n < end; ++n) {
+    // Continuous: of node n, between two layers.
+    const bool beside = !plan_.layerwise && n > first;
+    const double high = beside ? std::max(layer(n - 1), layer(n)) : layer(n),
+                 low = beside ? std::min(layer(n - 1), layer(n)) : layer(n);
+    if (!free_above) {
+      // The upper edge comes first: what is further down leaves it no more than 1.
+      const double half = plan_.layerwise ? 0.5 * model.height(n) : 0.0;
+      least_cap = n == first ? 1.0 : falls_to(1.0, model.depth(n) - model.depth(first) + half);
+    }
+    if (n > first) {
+      const double far =
+          plan_.layerwise ? 0.5 * (model.height(n - 1) + model.height(n)) : model.height(n - 1);
+      most = falls_to(most, far);
+    }
+    most = n == first ? low : std::min(low, most);
+    const double at_least = std::min(high, least_cap), at_most = std::min(most, least_cap);
+    wanted_[static_cast<std::size_t>(n)] = bounds_->side == DoseSide::at_least ? at_least
+                                           : bounds_->side == DoseSide::at_most
+                                               ? at_most
+                                               : (at_least + at_most) / 2;
   }
 }
 
@@ -275,8 +294,8 @@ bool TriedColumn<Doses>::prints(int n) const {
   const double up = lower_edge_up(n);
   if (up > 0 && dose(n, up) < 1.0 + plan_.margin()) return false;
   if (edge_above(n)) return true;
-  return upper(n) >=
-         (cover(n - 1) == kFull ? std::max(kInside, 1.0 + plan_.margin()) : 1.0 + plan_.margin());
+  const double enough = std::max(1.0 + plan_.margin(), wanted(n));
+  return upper(n) >= (cover(n - 1) == kFull ? std::max(kInside, enough) : enough);
 }
 
 template <typename Doses>
@@ -430,11 +449,16 @@ int TriedColumn<Doses>::layerwise_level(int n) {
     set(n, level - 1);
     return over >= 1.0 || aim - middle(n) < over - aim ? level - 1 : level;
   }
+  const int holds = holding(n);
   if (!edge_above(n) || edge_below(n) == 0) {
-    return least_level(n, 0, before_, [&] { return upper(n) >= 1.0 + plan_.margin(); });
+    // The dose of the first layer is its edge's.
+    const double enough = edge_above(n) ? 0.0 : wanted(n);
+    return least_level(n, holds, before_, [&] {
+      return upper(n) >= 1.0 + plan_.margin() && (enough <= 1.0 || middle(n) >= enough);
+    });
   }
   const int printing =
-      least_level(n, 0, before_, [&] { return middle(n) >= 1.0 + plan_.margin(); });
+      least_level(n, holds, before_, [&] { return middle(n) >= 1.0 + plan_.margin(); });
   return level_to_edge(n, printing, printing);
 }
 
@@ -499,6 +523,7 @@ const std::vector<Level>& TriedColumn<Doses>::solve(const std::vector<CoverageRu
                                                     const ColumnBounds& bounds) {
   bounds_ = &bounds;
   read(runs, bounds.left_alone);
+  read_wanted();
   doses_.clear();
   before_ = 0;
   for (int n = plan_.all_layers; n-- > 0;) {
@@ -523,6 +548,14 @@ TriedPlan::TriedPlan(const CureModel& cure_model, const Process& process, int ta
   highest = static_cast<int>(phi.size()) - 1;
   while (highest > 0 && phi[static_cast<std::size_t>(highest) - 1] == phi.back()) --highest;
   burst = model.slices_to_gel() + 2;
+  if (!model.heights.alike()) {
+    // Of the thinnest layers it takes the most.
+    double thinnest = 1;
+    for (int n = 0; n < static_cast<int>(model.own_a.size()); ++n) {
+      thinnest = std::min(thinnest, model.height(n));
+    }
+    burst = static_cast<int>(std::ceil(burst / thinnest)) + 2;
+  }
   together = static_cast<int>(phi.size()) >= kMany ? 3 : 5;
   // At the upper edge of a feature black light takes the dose down: with a time to gel by about half of
   // what light falls.
@@ -551,6 +584,14 @@ std::unique_ptr<ColumnSolver> make_tried_column(const TriedPlan& plan) {
 std::unique_ptr<BandSolver> make_tried_solver(const CorrectionPlan& plan, std::size_t columns) {
   const TriedPlan& p = *plan.tried;
   return std::make_unique<ColumnBand>(make_tried_column(p), p.facts(), columns);
+}
+
+std::unique_ptr<BandSolver> make_tried_solver(const CorrectionPlan& plan, std::size_t columns,
+                                              BandDoses doses) {
+  const TriedPlan& p = *plan.tried;
+  auto band = std::make_unique<ColumnBand>(make_tried_column(p), p.facts(), columns);
+  band->want(std::move(doses));
+  return band;
 }
 
 std::vector<std::uint8_t> solve_tried_column(const CorrectionPlan& plan,

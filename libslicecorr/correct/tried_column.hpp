@@ -14,7 +14,7 @@
 ///   the burst.
 /// - At a feature's upper edge it is the least level with which the edge does not lie inside the feature,
 ///   and then the levels of slices before it are moved by a few to put it where it belongs.
-/// - Layer by layer each slice has only its own layer to gel.
+/// - Layer by layer each slice has only its own layer to gel; where the platform lifts, by its own exposure.
 #pragma once
 
 #include <memory>

@@ -240,36 +240,44 @@ void add(double* __restrict near, const double* __restrict far, const double* __
 }
 
 /// The greatest dose that a place has had at any lift, where each exchanges a share x of the liquid
-/// (docs/lifts.md): D_k = (1 - x) D_(k-1) + phi_k a^(k-n) at the window of layer n, k from n on. With
-/// D_k = (1 - x)^(k-n) h_k one slice further up all h become phi + a h / (1 - x), so each k is carried on
-/// by itself.
+/// (docs/lifts.md): D_k = (1 - x) D_(k-1) + phi_k a^(k-n) at the window of layer n, k from n on. One slice
+/// further up all D_k become (1 - x)^(k-n) phi + a D_k, a of the layer that light passes on its way there, so
+/// each k is carried on by itself. What lies beyond the end of the resin takes no more light, and what it
+/// had before was no less.
 class ExchangedDose {
  public:
-  ExchangedDose(double exchange, double a, double most, std::size_t columns)
-      : keeps_(1 - exchange), per_keeps_(a / keeps_), most_(most) {
-    if (keeps_ > 0) after_.resize(columns);
+  /// `bath`: slices that the resin is deep; 0: without end.
+  ExchangedDose(double exchange, double most, int bath, std::size_t columns)
+      : keeps_(1 - exchange), most_(most), bath_(bath) {
+    if (keeps_ > 0 || bath > 0) after_.resize(columns);
+  }
+  /// To be said before each slice: what the layer after it leaves of a dose.
+  void pass(int slice, double a) {
+    slice_ = slice;
+    a_ = a;
   }
   /// `far`: what later slices leave at the window; `near`: with the slice at hand.
   void add(std::size_t first, std::size_t n, const double* phi, double ratio, const double* far,
            double* near) {
     for (std::size_t i = 0; i < n; ++i) {
       const double light = phi[i] * ratio;
-      near[i] = keeps_ > 0 ? add(after_[first + i], light) : std::max(light, far[i]);
+      near[i] = after_.empty() ? std::max(light, far[i]) : add(after_[first + i], light);
     }
   }
 
  private:
   struct After {
-    double h, kept;
+    double dose, kept;
+    int slice;
   };
   double add(std::vector<After>& after, double light) const {
     double dose = light;
     for (After& k : after) {
-      k.h = light + per_keeps_ * k.h;
       k.kept *= keeps_;
-      dose = std::max(dose, k.kept * k.h);
+      k.dose = k.kept * light + a_ * k.dose;
+      if (bath_ == 0 || k.slice - slice_ < bath_) dose = std::max(dose, k.dose);
     }
-    if (light > 0) after.push_back({light, 1});
+    if (light > 0) after.push_back({light, 1, slice_});
     // One slice further up doses become keeps (kept phi + kept a/keeps h): where a nearer lift, which has kept
     // more, has the greater dose now, it has so further up, too. The furthest are the first to count for
     // nothing.
@@ -278,15 +286,17 @@ class ExchangedDose {
     std::size_t to = after.size();
     for (std::size_t k = after.size(); k-- > 0;) {
       const After here = after[k];
-      if (here.kept * here.h <= nearer || here.kept * (here.h + most_) <= nothing) continue;
-      nearer = here.kept * here.h;
+      if (here.dose <= nearer || here.dose + here.kept * most_ <= nothing) continue;
+      if (bath_ > 0 && here.slice - slice_ >= bath_) continue;
+      nearer = here.dose;
       after[--to] = here;
     }
     after.erase(after.begin(), after.begin() + static_cast<std::ptrdiff_t>(to));
     return dose;
   }
 
-  double keeps_, per_keeps_, most_;
+  double keeps_, most_, a_ = 0;
+  int bath_, slice_ = 0;
   std::vector<std::vector<After>> after_;  ///< of each column, the furthest first
 };
 
@@ -300,14 +310,17 @@ class LayerwiseWalker final : public detail::DoseWalker {
     for (auto* dose : {&lower, &middle, &upper}) dose->assign(columns, 0.0);
     const double exchange = model.lifts ? model.lifts->exchange.value_or(0) : 0;
     if (exchange > 0) {
-      exchanged_.emplace(exchange, model.a, model.phi_max() * model.greatest_ratio(), columns);
+      exchanged_.emplace(exchange, model.phi_max() * model.greatest_ratio(), model.bath_slices,
+                         columns);
     }
   }
   void add_slice(int slice, std::span<const ImageShowing> showings) override {
     const double ratio = model_.ratio(slice), a = model_.a_of(slice),
                  root_a = model_.root_a_of(slice);
     height_ = model_.height(slice);
-    if (bath_.ends()) {
+    steps_.enter(slice);
+    if (exchanged_) exchanged_->pass(slice, model_.a_of(slice + 1));
+    if (bath_.ends() && !exchanged_) {
       bath_.pass(slice, showings, curve_, model_.ratio(slice + model_.bath_slices), upper);
     }
     double phi[kBlock];

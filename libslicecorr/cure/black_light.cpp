@@ -30,7 +30,7 @@ BlackLight most_black_by_walk(const CureModel& model, const std::vector<double>&
   const std::uint8_t pixel = 0;
   BandDose dose(black, 1);
   BlackLight most;
-  const int own = static_cast<int>(ratios.size());
+  const int own = static_cast<int>(std::max(ratios.size(), model.own_a.size()));
   for (int n = own + reach(model); n-- > 0;) {
     dose.add_slice(n, &pixel);
     if (*dose.lower() > most.dose) most = {*dose.lower(), std::min(n, own)};

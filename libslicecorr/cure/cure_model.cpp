@@ -39,10 +39,11 @@ double CureModel::crossing(double phi, double below, double layer_eta) const {
 int CureModel::slices_to_gel(int first) const {
   if (mode == ExposureMode::layerwise) return 0;
   if (bleaching()) {
-    const detail::BleachingSteps steps(*this);
+    detail::BleachingSteps steps(*this);
     constexpr int most = 1'000'000;
     int slices = 0;
     for (double dose = 0; dose < 1.0 - 1e-12 && slices < most; ++slices) {
+      steps.enter(first + slices);
       dose = steps.node(phi_max() * ratio(first + slices), dose);
     }
     return slices;
@@ -50,7 +51,13 @@ int CureModel::slices_to_gel(int first) const {
   if (gel_time()) {
     const double slices = gel_time()->slices_to_gel(
         gel_time()->level_mw_cm2(gel_time()->levels() - 1) * gel_time()->least_share(first));
-    return static_cast<int>(std::min(1e9, std::ceil(slices)));
+    double thinnest = 1;
+    for (std::size_t n = 0; n < own_a.size(); ++n) {
+      if (n >= static_cast<std::size_t>(std::max(0, first)) || n + 1 == own_a.size()) {
+        thinnest = std::min(thinnest, height(static_cast<int>(n)));
+      }
+    }
+    return static_cast<int>(std::min(1e9, std::ceil(slices / thinnest)));
   }
   if (!heights.alike()) {
     double dose = 0, left = 1;
@@ -96,7 +103,7 @@ double CureModel::film_of(int layer) const {
 }
 
 double CureModel::with_returned(double zeta) const {
-  const double factor = 1.0 + reflectance * std::exp(-2.0 * zeta * (eta / m) * units::kLn10);
+  const double factor = 1.0 + reflectance * std::exp(-2.0 * depth(zeta) * (eta / m) * units::kLn10);
   return m == 1.0 ? factor : std::pow(factor, m);
 }
 
@@ -246,7 +253,11 @@ void mirror(const Printer& printer, CureModel& model) {
   model.reflectance = printer.platform_reflectance;
   if (!(model.reflectance > kNoLight)) return;
   const double slices = std::log10(model.reflectance / kNoLight) * model.m / (2 * model.eta);
-  model.mirrored_slices = static_cast<int>(std::min(1e9, std::ceil(slices))) + 1;
+  double thinnest = 1;
+  for (std::size_t n = 0; n < model.own_a.size(); ++n) {
+    thinnest = std::min(thinnest, model.height(static_cast<int>(n)));
+  }
+  model.mirrored_slices = static_cast<int>(std::min(1e9, std::ceil(slices / thinnest))) + 1;
 }
 
 /// Makes the model of a resin with a time to gel of one that has its printer, height and mode.
@@ -370,10 +381,17 @@ CureModel make_cure_model(const Printer& printer, const Resin& resin, const Proc
   if (!process.lamp_share.empty() || !process.uv_lamp_share.empty()) {
     return make_cure_model(printer, resin, as_lamp_shines(process), layer_um, light);
   }
+  if (process.uv.kind != UvKind::off && printer.grey_m != 1) {
+    // The kernel takes pulses apart, whatever the resin's exponent.
+    Printer mean = printer;
+    mean.grey_m = 1;
+    return make_cure_model(mean, resin, process, layer_um, light);
+  }
   check_supported(printer, resin, process);
   const double factor = light.factor * usual_light_share(process);
+  const Printer lit = factor == 1 ? printer : dimmed(printer, factor);
   const std::vector<double> intensities =
-      level_intensities(for_resin(factor == 1 ? printer : dimmed(printer, factor), resin));
+      level_intensities(process.uv.kind == UvKind::off ? for_resin(lit, resin) : lit);
   CureModel model;
   model.layer_um = layer_um;
   model.m = resin.m;
@@ -402,6 +420,8 @@ CureModel make_cure_model(const Printer& printer, const Resin& resin, const Proc
   }
   if (resin.has_gel_time()) {
     take_gel_time(resin, process, printer.grey, intensities, model);
+    take_heights(process, model);
+    take_lifts(printer, resin, process, model);
     end_bath(printer, model);
     mirror(printer, model);
     return model;

@@ -203,9 +203,11 @@ double GelTimeKernel::slices_to_gel(double mw_cm2) const {
   return end > 0 ? -2.0 * std::log(end) / slope_ : std::numeric_limits<double>::infinity();
 }
 
-double GelTimeKernel::dose_through_layer(double mw_cm2, double ratio, int layer) const {
-  const CutLight l = in_slice(layer, light_of(mw_cm2), ratio);
-  const double x = l.x * fade_.x, y = l.y * fade_.y;
+double GelTimeKernel::dose_through_layer(double mw_cm2, double ratio, int layer,
+                                         double height) const {
+  const CutLight l = in_slice(layer, light_of(mw_cm2), ratio),
+                 left = height == 1 ? fade_ : fade(height);
+  const double x = l.x * left.x, y = l.y * left.y;
   return x > 0 ? x * y / (x + y) : 0.0;
 }
 

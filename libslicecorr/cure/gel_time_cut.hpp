@@ -11,6 +11,9 @@
 /// Resin that ends: of the light after the cut what comes from beyond its end is taken away, y of the
 /// slices that the end has passed, so that the cut lies before it.
 ///
+/// Layers of different heights fade light each by its own: what is said of nodes below a layer goes by how
+/// far they are.
+///
 /// A platform that sends light back multiplies all light of a place by one factor (cure.hpp): X by it, Y
 /// by its root.
 #pragma once
@@ -33,22 +36,34 @@ class GelTimeCut {
         bath_(model.bath_slices),
         layerwise_(kernel.layer_by_layer()),
         reach_(std::max(kernel.reach(), model.bath_slices + 1)),
-        node_(kernel.fade(1.0)),
-        middle_(kernel.fade(0.5)) {
+        kernel_(kernel) {
+    double thinnest = 1;
+    const int own = std::max(1, static_cast<int>(model.own_a.size()));
+    for (int n = 0; n < own; ++n) {
+      const double height = model.height(n);
+      thinnest = std::min(thinnest, height);
+      node_.push_back(kernel.fade(height));
+      middle_.push_back(kernel.fade(0.5 * height));
+    }
+    reach_ = static_cast<int>(std::ceil(reach_ / thinnest));
+    if (!model.heights.alike()) return;
     fade_.reserve(static_cast<std::size_t>(reach_) + 2);
     for (int j = 0; j <= reach_ + 1; ++j) fade_.push_back(kernel.fade(j));
   }
 
   int reach() const { return reach_; }
   /// The fade of the places whose doses are kept: a layer's upper node and its middle.
-  const CutLight& node() const { return node_; }
-  const CutLight& middle() const { return middle_; }
+  const CutLight& node(int layer) const { return node_[own(layer)]; }
+  const CutLight& middle(int layer) const { return middle_[own(layer)]; }
+  /// Of a place a part of a layer from its lower node.
+  CutLight fade(int layer, double up) const { return kernel_.fade(up * model_.height(layer)); }
 
-  /// One node further up: (A.32), layer by layer W(n).
-  CutLight step(const CutLight& light, const CutLight& below) const {
-    if (layerwise_) return {(light.x + below.x) * node_.x, (light.y + below.y) * node_.y};
-    return {light.x * (1.0 - node_.x) + below.x * node_.x,
-            light.y * (1.0 - node_.y) + below.y * node_.y};
+  /// One node further up, through a layer: (A.32), layer by layer W(n).
+  CutLight step(const CutLight& light, const CutLight& below, int layer) const {
+    const CutLight& left = node(layer);
+    if (layerwise_) return {(light.x + below.x) * left.x, (light.y + below.y) * left.y};
+    return {light.x * (1.0 - left.x) + below.x * left.x,
+            light.y * (1.0 - left.y) + below.y * left.y};
   }
 
   /// What light from the platform makes of X and Y at `zeta` slices from it.
@@ -59,12 +74,12 @@ class GelTimeCut {
   bool ends() const { return bath_ > 0; }
   bool mirrors(int slice) const { return slice < model_.mirrored_slices; }
 
-  /// The dose in a layer of light `shown`, where `passed` remains of light that passes its lower node
+  /// The dose in layer `layer` of light `shown`, where `passed` remains of light that passes its lower node
   /// (`fade` of the distance from there). `nodes.count()`: nodes that are known, at least 1. `hint`:
   /// where the cut was found last, any number. `factors`: `returned` there.
   template <typename Nodes>
-  double dose(const CutLight& shown, const CutLight& passed, const Nodes& nodes, int& hint,
-              const CutLight& factors) const {
+  double dose(int layer, const CutLight& shown, const CutLight& passed, const Nodes& nodes,
+              int& hint, const CutLight& factors) const {
     const CutLight own{shown.x * factors.x, shown.y * factors.y};
     const CutLight left{passed.x * factors.x, passed.y * factors.y};
     const CutLight near = layerwise_ ? CutLight{own.x * passed.x, own.y * passed.y}
@@ -72,11 +87,9 @@ class GelTimeCut {
     const double x0 = nodes.x(0);
     const double beyond = factors.y * passed_end(passed, nodes);
     const auto before = [&](int j) {
-      return near.x + left.x * (x0 - fade_[static_cast<std::size_t>(j)].x * nodes.x(j));
+      return near.x + left.x * (x0 - far(layer, j).x * nodes.x(j));
     };
-    const auto after = [&](int j) {
-      return left.y * fade_[static_cast<std::size_t>(j)].y * nodes.y(j) - beyond;
-    };
+    const auto after = [&](int j) { return left.y * far(layer, j).y * nodes.y(j) - beyond; };
     const int last = std::min(reach_, nodes.count() - 1);
     int j = std::clamp(hint, 0, last);
     if (before(j) >= after(j)) {
@@ -92,11 +105,20 @@ class GelTimeCut {
       return in_slice(0.0, after(0), own, passed.y, layerwise_ ? passed : CutLight{1, 1});
     }
     const CutLight light = nodes.light(j - 1);
-    const CutLight& far = fade_[static_cast<std::size_t>(layerwise_ ? j : j - 1)];
-    return in_slice(before(j - 1), after(j), light, node_.y, {left.x * far.x, left.y * far.y});
+    const CutLight its = far(layer, layerwise_ ? j : j - 1);
+    return in_slice(before(j - 1), after(j), light, node(layer + j).y,
+                    {left.x * its.x, left.y * its.y});
   }
 
  private:
+  std::size_t own(int layer) const {
+    return node_.size() == 1 ? 0 : std::min(model_.own(layer), node_.size() - 1);
+  }
+  /// What is left at a layer's lower node of light that passes the node so many nodes below it.
+  CutLight far(int layer, int nodes) const {
+    if (!fade_.empty()) return fade_[static_cast<std::size_t>(nodes)];
+    return kernel_.fade(model_.depth(layer + 1 + nodes) - model_.depth(layer + 1));
+  }
   /// y of what the end of the resin has passed, at a place as for `dose`.
   template <typename Nodes>
   double passed_end(const CutLight& passed, const Nodes& nodes) const {
@@ -124,8 +146,9 @@ class GelTimeCut {
   int bath_;
   bool layerwise_;
   int reach_;
-  CutLight node_, middle_;
-  std::vector<CutLight> fade_;  ///< by nodes
+  const GelTimeKernel& kernel_;
+  std::vector<CutLight> node_, middle_;  ///< of each layer; of all where they are alike
+  std::vector<CutLight> fade_;           ///< by nodes; empty where layers differ
 };
 
 }  // namespace slicecorr::detail

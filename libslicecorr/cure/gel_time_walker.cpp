@@ -39,6 +39,7 @@ class GelTimeWalker final : public DoseWalker {
   void add_slice(int slice, std::span<const ImageShowing> showings) override {
     before_.swap(own_);
     slice_ = slice;
+    layer_of_node_ = slice + 1 - node_;
     const CutLight at_lower = cut_.returned(slice + 1.0), at_middle = cut_.returned(slice + 0.5),
                    at_upper = cut_.returned(slice);
     const bool always = cut_.ends() || cut_.mirrors(slice);
@@ -57,9 +58,9 @@ class GelTimeWalker final : public DoseWalker {
         const Below below(*this, i, node_);
         int& near = hint_[2 * i];
         int& far = hint_[2 * i + 1];
-        if (layerwise()) lower[i] = cut_.dose(own_[i], {1, 1}, below, near, at_lower);
-        middle[i] = cut_.dose(own_[i], cut_.middle(), below, near, at_middle);
-        upper[i] = cut_.dose(own_[i], cut_.node(), below, far, at_upper);
+        if (layerwise()) lower[i] = cut_.dose(slice, own_[i], {1, 1}, below, near, at_lower);
+        middle[i] = cut_.dose(slice, own_[i], cut_.middle(slice), below, near, at_middle);
+        upper[i] = cut_.dose(slice, own_[i], cut_.node(slice), below, far, at_upper);
       }
       if (!layerwise()) {
         // Under one light all along to its cut the dose only goes to where that light would have it.
@@ -114,7 +115,8 @@ class GelTimeWalker final : public DoseWalker {
       mark_ = mark;
       states_[0] = walker_.marks_[walker_.mark_at(mark)][column_];
       for (int q = 1; q < kStride && mark - q >= node_; ++q) {
-        states_[q] = walker_.cut_.step(walker_.light(mark - q, column_), states_[q - 1]);
+        states_[q] = walker_.cut_.step(walker_.light(mark - q, column_), states_[q - 1],
+                                       walker_.layer_of(mark - q));
       }
     }
 
@@ -137,6 +139,9 @@ class GelTimeWalker final : public DoseWalker {
     const CutLight& l = curve_[slot.pixels[column]];
     return {slot.weight.x * l.x, slot.weight.y * l.y};
   }
+
+  /// The layer below a node.
+  int layer_of(int node) const { return node + layer_of_node_; }
 
   /// Fills `own_` and the slot of the slice above `node_`.
   void take_light(std::span<const ImageShowing> showings, const CutLight& ratio) {
@@ -170,7 +175,7 @@ class GelTimeWalker final : public DoseWalker {
   void push() {
     --node_;
     for (std::size_t i = 0; i < columns_; ++i) {
-      state_[i] = cut_.step(own_[i], state_[i]);
+      state_[i] = cut_.step(own_[i], state_[i], slice_);
       if (i == 0) continue;
       const bool alike = state_[i] == state_[i - 1] && own_[i] == own_[i - 1];
       alike_[i] = alike ? std::min(alike_[i] + 1, kForEver) : 0;
@@ -185,6 +190,7 @@ class GelTimeWalker final : public DoseWalker {
   std::vector<Slot> slots_;                   ///< by slice
   std::vector<std::vector<CutLight>> marks_;  ///< states by node, every `kStride`
   int slice_ = 0;                             ///< that was added last
+  int layer_of_node_ = 0;                     ///< what to add to a node for its layer
   int node_ = kLast;                          ///< the lower one of the layer that comes next
   std::vector<CutLight> own_, before_;        ///< light of the slices that were added last
   std::vector<CutLight> state_;               ///< at `node_`
@@ -199,7 +205,8 @@ void GelTimeWalker::inside(std::size_t i, double, InsideLayer& out) const {
   const Below below(*this, i, node_ + 1);
   int hint = hint_[2 * i];
   const auto at = [&](double t) {
-    return cut_.dose(own_[i], kernel_.fade(t), below, hint, cut_.returned(slice_ + 1 - t));
+    return cut_.dose(slice_, own_[i], cut_.fade(slice_, t), below, hint,
+                     cut_.returned(slice_ + 1 - t));
   };
   out.crossings.clear();
   out.least = std::min(lower[i], upper[i]);

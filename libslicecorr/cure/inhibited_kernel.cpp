@@ -132,7 +132,10 @@ InhibitedKernel::InhibitedKernel(const Kinetics& kinetics, const Kinetics& gel,
       const LevelTable lamp(uv_level_intensities(printer));
       check(uv_for_dead_zone(kinetics_, full, uv.dead_zone_um),
             fmt::format("a dead zone of {:g} um under full light", uv.dead_zone_um));
-      for (const double blue : held) {
+      for (const double of_level : held) {
+        // Of pulses each that is not black is full light.
+        const bool full_light = printer.grey == GreyLight::pulsed && of_level > held.front();
+        const double blue = full_light ? held.back() : of_level;
         // The next level up, so that the dead zone is no thinner than asked for.
         uv_levels_.push_back(
             lamp.at_least(uv_for_dead_zone(kinetics_, blue, uv.dead_zone_um) * (1 - 1e-12)));
@@ -160,13 +163,7 @@ InhibitedKernel::InhibitedKernel(const Kinetics& kinetics, const Kinetics& gel,
   const double strongest = *std::max_element(setting_uv_.begin(), setting_uv_.end());
   near_ = slices_near_window(kinetics_, strongest, blue_.back(), layer_um);
   profile_ = std::make_shared<const detail::FrontProfile>(kinetics_);
-  for (int s = 0; s < settings(); ++s) {
-    for (int l = 0; l < levels(); ++l) {
-      const double light = blue_[static_cast<std::size_t>(l)];
-      const double front = profile_->front_um(light, kinetics_.beta * uv_of(s, l));
-      sources_.push_back({scale_ * profile_->amount(light, front), front});
-    }
-  }
+  take_sources(printer.grey == GreyLight::pulsed);
   if (process.even_light) {
     if (mode_ == ExposureMode::layerwise) {
       throw InputError(
@@ -176,6 +173,29 @@ InhibitedKernel::InhibitedKernel(const Kinetics& kinetics, const Kinetics& gel,
   }
   end_resin(printer.resin_depth_um);
   make_tables();
+}
+
+void InhibitedKernel::take_sources(bool pulsed) {
+  const double black = blue_.front(), full = blue_.back();
+  const auto source_of = [&](double light, double uv) -> Source {
+    const double front = profile_->front_um(light, kinetics_.beta * uv);
+    return {scale_ * profile_->amount(light, front), front};
+  };
+  for (int s = 0; s < settings(); ++s) {
+    for (int l = 0; l < levels(); ++l) {
+      const double light = blue_[static_cast<std::size_t>(l)], uv = uv_of(s, l);
+      if (!pulsed || !(full > black)) {
+        sources_.push_back(source_of(light, uv));
+        continue;
+      }
+      const double share = (light - black) / (full - black);
+      Pulses pulses{source_of(full, uv), source_of(black, uv)};
+      pulses.full.amount *= share / scale_;
+      pulses.black.amount *= (1 - share) / scale_;
+      sources_.push_back({scale_, share > 0 ? pulses.full.front_um : pulses.black.front_um});
+      pulses_.push_back(pulses);
+    }
+  }
 }
 
 void InhibitedKernel::end_resin(double depth_um) {
@@ -293,10 +313,20 @@ double InhibitedKernel::rest(int setting, int level, double d_um) const {
 
 double InhibitedKernel::rate(int setting, int level, double d_um) const {
   if (ends() && d_um > depth_um_ * (1 + kSameDepth)) return 0;
+  if (!pulses_.empty()) {
+    const Pulses& both = pulses_[static_cast<std::size_t>(setting * levels() + level)];
+    return both.full.amount * profile_->rate(d_um - both.full.front_um) +
+           both.black.amount * profile_->rate(d_um - both.black.front_um);
+  }
   return profile_->rate(d_um - source(setting, level).front_um);
 }
 
 double InhibitedKernel::rest_beyond(int setting, int level, double d_um) const {
+  if (!pulses_.empty()) {
+    const Pulses& both = pulses_[static_cast<std::size_t>(setting * levels() + level)];
+    return both.full.amount * profile_->rest(d_um - both.full.front_um) +
+           both.black.amount * profile_->rest(d_um - both.black.front_um);
+  }
   const double front = source(setting, level).front_um;
   if (flow_factor_.empty()) return profile_->rest(d_um - front);
   const double at_gap = profile_->rest(gap_um_ - front);
@@ -413,14 +443,13 @@ double InhibitedKernel::steady_at(LayerPosition place, int setting, int level) c
 double InhibitedKernel::setting_dead_zone_um(int setting, int level) const {
   if (fronts_per_um_ > 0) return std::max(0.0, source(setting, level).front_um);
   if (gap_um_ > 0 && level >= least_even_level_) return gap_um_;
-  return steady_dead_zone_um(kinetics_, blue_[static_cast<std::size_t>(level)],
-                             uv_of(setting, level));
+  return steady_dead_zone_um(kinetics_, brightest_of(level), uv_of(setting, level));
 }
 
 bool InhibitedKernel::level_keeps_dead_zone(int setting, int level) const {
   if (gap_um_ > 0) return true;
   if (fronts_per_um_ > 0) return source(setting, level).front_um > 0;
-  return keeps_dead_zone(kinetics_, blue_[static_cast<std::size_t>(level)], uv_of(setting, level));
+  return keeps_dead_zone(kinetics_, brightest_of(level), uv_of(setting, level));
 }
 
 double InhibitedKernel::first_gel_um(int slice, int level) const {
@@ -430,21 +459,26 @@ double InhibitedKernel::first_gel_um(int slice, int level) const {
                          (1.0 / kinetics_.huv_um - 1.0 / kinetics_.hb_um);
     return std::max(0.0, source(0, level).front_um + above);
   }
-  return first_gel(kinetics_, blue_[static_cast<std::size_t>(level)], uv_mw_cm2(slice, level)).z_um;
+  return first_gel(kinetics_, brightest_of(level), uv_mw_cm2(slice, level)).z_um;
 }
 
 double InhibitedKernel::setting_window_dose(int setting, int level) const {
   if (fronts_per_um_ > 0) return gel_scale_ * profile_->rate(-source(setting, level).front_um);
-  const double net =
-      blue_[static_cast<std::size_t>(level)] - kinetics_.beta * uv_of(setting, level);
-  return net > 0 ? gel_scale_ * std::pow(net, gel_.m) : 0.0;
+  const auto window_dose = [&](double blue) {
+    const double net = blue - kinetics_.beta * uv_of(setting, level);
+    return net > 0 ? gel_scale_ * std::pow(net, gel_.m) : 0.0;
+  };
+  const double light = blue_[static_cast<std::size_t>(level)];
+  if (pulses_.empty()) return window_dose(light);
+  const double share = (light - blue_.front()) / (blue_.back() - blue_.front());
+  return share * window_dose(blue_.back()) + (1 - share) * window_dose(blue_.front());
 }
 
 int InhibitedKernel::highest_usable_level(int setting) const {
   int level = levels() - 1;
   if (allow_window_cure_ || gap_um_ > 0) return level;
   for (; level > 0; --level) {
-    const double blue = blue_[static_cast<std::size_t>(level)], uv = uv_of(setting, level);
+    const double blue = brightest_of(level), uv = uv_of(setting, level);
     // A pattern is made for just its dead zone: rounding must not make it fail.
     if (keeps_dead_zone(kinetics_, blue, uv) &&
         steady_dead_zone_um(kinetics_, blue, uv) >= wanted_um_ * (1 - 1e-9)) {

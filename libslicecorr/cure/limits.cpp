@@ -71,17 +71,19 @@ Doses doses_of(const CureModel& model) {
   if (model.gel_time() && model.mode == ExposureMode::layerwise) {
     const GelTimeKernel& kernel = *model.gel_time();
     const int weakest = weakest_layer(model);
+    const double holds = model.lifts ? model.lifts->green_strength : 1.0;
     return {kernel.dose_through_layer(kernel.level_mw_cm2(kernel.levels() - 1),
-                                      model.ratio(weakest), weakest),
+                                      model.ratio(weakest), weakest, model.height(weakest)) /
+                holds,
             most_black(model, model.exposure_ratio).dose};
   }
   if (model.mode == ExposureMode::layerwise) {
     const int weakest = weakest_layer(model);
     const double full = model.phi_max() * model.ratio(weakest);
     const double holds = model.lifts ? model.lifts->green_strength : 1.0;
-    return {
-        model.bleaching() ? full / model.before_fading(1.0) : full * model.a_of(weakest) / holds,
-        most_black(model, model.exposure_ratio).dose};
+    return {model.bleaching() ? full / model.bleaching()->after(holds, -model.height(weakest), 0.0)
+                              : full * model.a_of(weakest) / holds,
+            most_black(model, model.exposure_ratio).dose};
   }
   if (const GelTimeKernel* const kernel = model.gel_time()) {
     // Slices count for no less than the least time and the least light of any, and for no more than the most.
@@ -184,7 +186,9 @@ detail::Verdict inhibited_verdict(const CureModel& model, const Printer& printer
 
 /// What full light leaves of a critical dose at a layer's far edge, where it is least.
 double left_at_far_edge(const CureModel& model, const Doses& doses) {
-  return model.bleaching() ? model.faded(model.phi_max() * model.ratio(weakest_layer(model)))
+  const int weakest = weakest_layer(model);
+  return model.bleaching() ? model.bleaching()->after(model.phi_max() * model.ratio(weakest),
+                                                      model.height(weakest), 0.0)
          : model.lifts     ? doses.lit * model.lifts->green_strength
                            : doses.lit;
 }

@@ -26,7 +26,7 @@ class Along {
       : model_(model),
         slice_(slice),
         piece_(piece),
-        fall_(model.eta * units::kLn10),
+        fall_(model.eta_of(slice) * units::kLn10),
         returns_(2 * fall_ / model.m) {}
 
   double dose(double d) const {
@@ -37,8 +37,10 @@ class Along {
   bool rises(double d) const {
     const double left = (piece_.begin - piece_.phi) * std::exp(-fall_ * (d - piece_.from));
     const double zeta = slice_ + 1 - d;
-    const double back =
-        zeta < model_.mirrored_slices ? model_.reflectance * std::exp(-returns_ * zeta) : 0.0;
+    const double back = zeta < model_.mirrored_slices
+                            ? model_.reflectance * std::exp(-2 * model_.eta * units::kLn10 /
+                                                            model_.m * model_.depth(zeta))
+                            : 0.0;
     // The logarithms' slopes: -fall left / (phi + left), and m returns back / (1 + back).
     return model_.m * returns_ * back * (piece_.phi + left) > fall_ * left * (1 + back);
   }

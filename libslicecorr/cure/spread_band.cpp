@@ -116,6 +116,12 @@ SpreadLight::SpreadLight(const PlaceModels& models, const Grid& grid, const Imag
                       "scatters on a longer way; expected one of both",
                       resin.name));
     }
+    if (!model.heights.alike()) {
+      refuse(fmt::format(
+          "resin '{}' has scatter_um2_per_um, and layers differ in height, of which each would "
+          "scatter by weights of its own; expected one of both",
+          resin.name));
+    }
     halo_x_ = scatter_.halo_x(model.a, kShareLeftOut);
     halo_y_ = scatter_.halo_y(model.a, kShareLeftOut);
   }

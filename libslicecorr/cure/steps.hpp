@@ -72,32 +72,34 @@ class SummedSteps {
 class BleachingSteps {
  public:
   explicit BleachingSteps(const CureModel& model)
-      : law_(*model.bleaching()), per_phi_(law_.absorbed(1.0)) {}
+      : model_(&model), law_(*model.bleaching()), per_phi_(law_.absorbed(1.0)) {}
   static constexpr bool kDear = true;
 
-  void enter(int) {}
+  void enter(int slice) { height_ = model_->height(slice); }
   using Part = double;
-  Part part(double length) const { return length; }
+  /// Lengths are parts of the slice at hand.
+  Part part(double length) const { return length * height_; }
   double after(Part part, double phi, double below) const {
     return law_.after(below, part, phi * per_phi_);
   }
-  double node(double phi, double below) const { return after(1.0, phi, below); }
-  double middle(double phi, double below) const { return after(0.5, phi, below); }
+  double node(double phi, double below) const { return after(part(1.0), phi, below); }
+  double middle(double phi, double below) const { return after(part(0.5), phi, below); }
   double crossing(double phi, double below, double length) const {
     const bool prints = below >= 1.0;
     return halved({0.0, length}, 50,
-                  [&](double d) { return (after(d, phi, below) >= 1.0) == prints; })
+                  [&](double d) { return (after(part(d), phi, below) >= 1.0) == prints; })
         .middle();
   }
-  double faded(double near) const { return law_.after(near, 1.0, 0.0); }
-  double faded_half(double near) const { return law_.after(near, 0.5, 0.0); }
+  double faded(double near) const { return law_.after(near, part(1.0), 0.0); }
+  double faded_half(double near) const { return law_.after(near, part(0.5), 0.0); }
   double faded_to_one(double near, double most) const {
     return std::clamp(law_.length(near, 1.0), 0.0, most);
   }
 
  private:
+  const CureModel* model_;
   BleachingLaw law_;
-  double per_phi_;
+  double per_phi_, height_ = 1;
 };
 
 }  // namespace slicecorr::detail

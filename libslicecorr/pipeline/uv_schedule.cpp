@@ -5,10 +5,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <mutex>
 
 #include "bands/bands.hpp"
 #include "bands/correct_group.hpp"
+#include "bands/correct_spread.hpp"
+#include "parallel/silent.hpp"
 #include "slicecorr/dead_zone.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/even_dead_zone.hpp"
@@ -27,18 +30,41 @@ double on_ladder(double uv, double greatest, double least) {
   return std::max(least, greatest * std::pow(1.05, -steps));
 }
 
-}  // namespace
+/// The brightest blue light of each slice, mW/cm², where columns are corrected together.
+std::vector<double> brightest_together(const SliceSource& target, const Setup& setup,
+                                       const ExecutionContext& context) {
+  const CorrectedSlices first(target, setup, detail::silent(context));
+  const PlaceModels models(setup.printer, setup.resin, setup.process, target.grid(),
+                           target.frame());
+  const auto bands = detail::bands_of(first.grid(), first.bounds());
+  std::vector<double> greatest(static_cast<std::size_t>(first.grid().layers), 0.0);
+  std::mutex merging;
+  parallel_for(context, "choose UV", bands.size(), [&](std::size_t i) {
+    const PixelBox& band = bands[i];
+    std::vector<std::uint8_t> places(detail::columns_of(band));
+    models.map().values(band, places.data());
+    std::map<std::uint8_t, std::vector<double>> blue;
+    std::vector<double> of_band(greatest.size(), 0.0);
+    first.read_band(band, [&](int n, const std::uint8_t* rows) {
+      for (std::size_t k = 0; rows && k < places.size(); ++k) {
+        if (rows[k] == 0) continue;
+        std::vector<double>& levels = blue[places[k]];
+        if (levels.empty()) levels = level_intensities(models.printer_at(places[k]));
+        const int level = level_of_pixel(rows[k], static_cast<int>(levels.size()));
+        double& most = of_band[static_cast<std::size_t>(n)];
+        most = std::max(most, levels[static_cast<std::size_t>(level)]);
+      }
+    });
+    const std::lock_guard lock(merging);
+    for (std::size_t n = 0; n < greatest.size(); ++n)
+      greatest[n] = std::max(greatest[n], of_band[n]);
+  });
+  return greatest;
+}
 
-Process schedule_uv(const SliceSource& target, const Setup& setup,
-                    const ExecutionContext& context) {
-  if (setup.process.even_dead_zone != EvenDeadZone::off) {
-    return find_even_light(target, setup, context);
-  }
-  Process process = setup.process;
-  if (process.uv.kind != UvKind::per_slice || !process.uv.slice_mw_cm2.empty()) return process;
-  // A first correction, with the UV light that full light needs, shows what the brightest pixel of
-  // each slice is.
-  const detail::PlacePlans plans(target, setup, context);
+/// The same of columns alone.
+std::vector<double> brightest_alone(const SliceSource& target, const detail::PlacePlans& plans,
+                                    const ExecutionContext& context) {
   const PlaceModels& models = plans.models();
   detail::PlaceWindows total(models, plans.all_layers());
   // Edges within slices change nothing of that.
@@ -55,11 +81,29 @@ Process schedule_uv(const SliceSource& target, const Setup& setup,
       total.merge(group.value, watch);
     }
   });
-  const InhibitedKernel& kernel = *models.brightest().inhibited();
+  return total.greatest_mw_cm2();
+}
+
+}  // namespace
+
+Process schedule_uv(const SliceSource& target, const Setup& setup,
+                    const ExecutionContext& context) {
+  if (setup.process.even_dead_zone != EvenDeadZone::off) {
+    return find_even_light(target, setup, context);
+  }
+  Process process = setup.process;
+  if (process.uv.kind != UvKind::per_slice || !process.uv.slice_mw_cm2.empty()) return process;
+  // A first correction, with the UV light that full light needs, shows what the brightest pixel of
+  // each slice is.
+  const detail::PlacePlans plans(target, setup, context);
+  const InhibitedKernel& kernel = *plans.models().brightest().inhibited();
+  const std::vector<double> brightest = detail::spreads(setup)
+                                            ? brightest_together(target, setup, context)
+                                            : brightest_alone(target, plans, context);
   const double greatest = kernel.setting_uv_mw_cm2(0, plans.levels() - 1);
   const std::vector<double>& lamp = process.uv_lamp_share;
   const double most = setup.printer.uv->max_mw_cm2();
-  for (std::size_t n = 0; const double blue : total.greatest_mw_cm2()) {
+  for (std::size_t n = 0; const double blue : brightest) {
     const double needed = uv_for_dead_zone(kernel.kinetics(), blue, process.uv.dead_zone_um);
     // Of a lamp that fades so much more is asked that this comes.
     const double comes = lamp.empty() ? 1 : lamp[std::min(n, lamp.size() - 1)];

@@ -41,10 +41,10 @@ PaceRange gelling(const Setup& setup, double layer_um) {
     lit = kernel.steady_dose(s, kernel.highest_usable_level(s));
     black = kernel.steady_dose(0, 0);
   } else if (!continuous) {
+    const double far = model.lifts ? model.lifts->green_strength : 1.0;
     if (const GelTimeKernel* const kernel = model.gel_time()) {
-      lit = kernel->dose_through_layer(kernel->level_mw_cm2(kernel->levels() - 1), 1);
+      lit = kernel->dose_through_layer(kernel->level_mw_cm2(kernel->levels() - 1), 1) / far;
     } else {
-      const double far = model.lifts ? model.lifts->green_strength : 1.0;
       lit = model.phi_max() / model.before_fading(far);
     }
     black = detail::alike_black(model);

@@ -8,6 +8,7 @@
 
 #include "base/kernels.hpp"
 #include "cure/margin.hpp"
+#include "cure/own_exposure.hpp"
 #include "cure/walkers.hpp"
 #include "slicecorr/target.hpp"
 #include "slicecorr/units.hpp"
@@ -23,6 +24,7 @@ constexpr std::uint8_t kWhole = 255;
 JointWalker::JointWalker(const CureModel& model, std::size_t columns)
     : model_(model),
       curve_(pixel_curve(model)),
+      tells_edges_(model.adds_up() && !model.inhibited() && model.bath_slices == 0),
       columns_(columns),
       brightest_(columns, 0.0),
       all_(columns, 0.0) {
@@ -41,6 +43,10 @@ void JointWalker::join(const Own& own) {
 
 JointWalker::Own JointWalker::own_of(int slice, std::size_t column,
                                      std::span<const ImageShowing> showings) {
+  if (!model_.adds_up()) {
+    const OwnExposure own = own_exposure(model_, slice, phi_[column] / model_.ratio(slice));
+    return {own.window, own.far, own.skin >= 1 - kMargin};
+  }
   if (!inhibited()) {
     const double at_window = phi_[column] * model_.returned(slice + 1);
     return {at_window, phi_[column] * model_.a_of(slice) * model_.returned(slice),
@@ -63,9 +69,8 @@ void JointWalker::add_slice(int slice, std::span<const ImageShowing> showings,
   }
   for (std::size_t i = 0; i < columns_.size(); ++i) {
     Column& c = columns_[i];
-    // What the layer's window sees at its brightest exposure; `far`: at the node below it. Under UV light
-    // edges of single exposures are not told.
-    const double phi = inhibited() ? 0.0 : phi_[i];
+    // What the layer's window sees at its brightest exposure; `far`: at the node below it.
+    const double phi = tells_edges_ ? phi_[i] : 0.0;
     const double far = brightest_[i];
     const double near = std::max(phi, far);
     brightest_[i] = near * model_.a_of(slice);
@@ -76,7 +81,7 @@ void JointWalker::add_slice(int slice, std::span<const ImageShowing> showings,
       if (c.full) {
         end_feature(c);
         // Edges are those of features that end at a gap.
-        if (coverage[i] == 0 && !inhibited()) {
+        if (coverage[i] == 0 && tells_edges_) {
           begin_gap(c, slice + 1, near, at_heights ? heights_[i] : std::uint8_t{0});
           begin_staying(c, slice + 1, all_far, all);
         }
@@ -90,7 +95,7 @@ void JointWalker::add_slice(int slice, std::span<const ImageShowing> showings,
     if (!c.full) {
       end_gap(c, slice + 1);
       // Its edge towards the window is the window's own.
-      if (!inhibited()) {
+      if (tells_edges_) {
         figures_.exchanged_error_um.add(0);
         figures_.staying_error_um.add(0);
       }

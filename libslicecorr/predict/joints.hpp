@@ -67,6 +67,9 @@ class JointWalker {
 
   const CureModel& model_;
   PixelCurve curve_;
+  /// Whether edges are told that single exposures, and all of them, leave: of sums of light in resin without
+  /// end.
+  bool tells_edges_;
   std::optional<OwnDoses> under_uv_;
   std::vector<double> phi_;  ///< of each column, with its exposure; without UV light
   std::vector<Column> columns_;

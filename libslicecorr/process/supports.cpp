@@ -63,10 +63,11 @@ constexpr const char* kGelTimeUv =
     "{resin}: cure.model: a time to gel is two numbers of light alone, which do not say how much of the rate "
     "UV light takes away; expected no UV light, or a resin of another model (resinctl derive)";
 constexpr const char* kBleachingUv =
-    "{resin}: bleaching: is not counted under UV light; expected no UV light, or a resin without "
-    "[bleaching]";
+    "{resin}: bleaching: is not counted under UV light, since what UV light bleaches, and how much further it "
+    "then inhibits, a resin file does not say; expected no UV light, or a resin without [bleaching]";
 constexpr const char* kMirrorUv =
-    "{printer}: vat.platform_reflectance: is not counted under UV light; expected a printer without "
+    "{printer}: vat.platform_reflectance: is not counted under UV light: blue light comes back from the platform "
+    "where UV light is used up, so that the front lies elsewhere at each height; expected a printer without "
     "it, or no UV light";
 constexpr const char* kStayUv =
     "slices that get more light where they go slower are not computed beside an even dead zone, whose "
@@ -94,8 +95,8 @@ constexpr const char* kRobustUv =
     "even_dead_zone off";
 
 constexpr const char* kPulsesUv =
-    "{printer}: blue.grey: grey by pulses is not counted under UV light, which goes on between pulses; "
-    "expected no UV light, or grey = \"steady\"";
+    "{printer}: blue.grey: grey by pulses is not counted beside an even dead zone, whose flow mixes what pulses "
+    "did; expected even_dead_zone off, or grey = \"steady\"";
 
 constexpr const char* kUnevenUvShown =
     "{printer}: uv.flat_field: uneven UV light is counted for one intensity only (uv_mw_cm2, or dead_zone_um "
@@ -115,9 +116,7 @@ constexpr Unsupported kTable[] = {
      "(uv_mw_cm2), or one per slice"},
     {fading_uv, even_dead_zone, refused,
      "a UV lamp that fades (uv_lamp_log) is not counted beside an even dead zone; expected even_dead_zone off"},
-    {fading_uv, derivatives, refused,
-     "how sure a print is can't be said where the UV lamp fades (uv_lamp_log); expected figures without it"},
-    UNDER_UV(pulsed_grey, refused, kPulsesUv),
+    {pulsed_grey, even_dead_zone, refused, kPulsesUv},
     {pulsed_grey, spread, refused,
      "{printer}: blue.grey: grey by pulses is not counted where light spreads, since pulses of pixels "
      "beside each other overlap or not; expected no spread, a resin with m = 1, or grey = \"steady\""},
@@ -126,11 +125,13 @@ constexpr Unsupported kTable[] = {
     {bleaching, gel_time, refused,
      "{resin}: bleaching: does not go with model = \"gel-time\"; expected a resin of model \"jacobs\""},
     {bleaching, vat_depth, refused,
-     "{printer}: vat.depth_um: is not counted for a resin that bleaches; expected a printer without it, "
-     "or a resin without [bleaching]"},
+     "{printer}: vat.depth_um: is not counted for a resin that bleaches: once resin runs off, how far light has "
+     "bleached its way depends on the order in which slices are shown; expected a printer without it, or a "
+     "resin without [bleaching]"},
     {bleaching, reflectance, refused,
-     "{printer}: vat.platform_reflectance: is not counted for a resin that bleaches; expected a printer "
-     "without it, or a resin without [bleaching]"},
+     "{printer}: vat.platform_reflectance: is not counted for a resin that bleaches: light that comes back "
+     "passes what it has bleached on its way, and bleaches it once more; expected a printer without it, or a "
+     "resin without [bleaching]"},
     {vat_depth, even_dead_zone, refused,
      "{printer}: vat.depth_um: is not counted beside an even dead zone; expected a printer without it, "
      "or even_dead_zone off"},
@@ -146,47 +147,22 @@ constexpr Unsupported kTable[] = {
     UNDER_UV(own_heights, refused, kHeightsUv),
     UNDER_UV(moved_heights, refused, kHeightsUv),
     IN_HEIGHTS(
-        gel_time, refused,
-        "layers of different heights are not counted with a resin of model \"gel-time\"; expected "
-        "layers of one height, or a resin of another model (resinctl derive)"),
-    IN_HEIGHTS(
-        bleaching, refused,
-        "layers of different heights are not counted with a resin that bleaches; expected layers "
-        "of one height, or a resin without [bleaching]"),
-    IN_HEIGHTS(
-        spread, refused,
-        "layers of different heights are not counted where light spreads from pixel to pixel; "
-        "expected layers of one height, or a printer and a resin without spread"),
-    IN_HEIGHTS(vat_depth, refused,
-               "layers of different heights are not counted in resin that ends above the window; "
-               "expected layers of one height, or no depth"),
-    IN_HEIGHTS(
-        reflectance, refused,
-        "layers of different heights are not counted below a platform that sends light back; "
-        "expected layers of one height, or a platform that takes it up"),
-    {own_heights, exchange, refused,
-     "layers of different heights are not counted where lifts exchange resin (lift_exchange); expected "
-     "layers of one height, or no lift_exchange"},
-    {uv_per_slice, spread, not_corrected,
-     "UV light that changes from slice to slice is not corrected for where light spreads from pixel to "
-     "pixel; expected constant UV light (uv-mw-cm2), or a printer and a resin without spread"},
-    {uv_patterned, spread, not_corrected,
-     "patterned UV light is not corrected for where light spreads from pixel to pixel; expected constant UV "
-     "light (uv-mw-cm2), or a printer and a resin without spread"},
+        vat_depth, refused,
+        "layers of different heights are not counted in resin that ends above the window: its end "
+        "would lie inside layers, which then get a part of a slice's light; expected layers of one "
+        "height, or no depth"),
     {uv_per_slice, uneven_light, not_corrected,
      "UV light that changes from slice to slice is not corrected for where the display's light is uneven; "
      "expected constant UV light (uv-mw-cm2), or a printer without display.flat_field"},
+    {uv_patterned, spread, not_corrected,
+     "patterned UV light is not corrected for where light spreads from pixel to pixel; expected constant UV "
+     "light (uv-mw-cm2), or a printer and a resin without spread"},
     // What is wanted of a correction.
     {wanted_doses, exchange, refused,
      "doses can't be graded where lifts exchange resin; expected no lift_exchange, or 0"},
     {wanted_doses, even_dead_zone, refused,
      "doses can't be graded beside an even dead zone, for which all light is made; expected "
      "even_dead_zone off"},
-    {wanted_doses, gel_time, refused,
-     "doses can't be graded with a resin of model \"gel-time\"; expected one of another model "
-     "(resinctl derive)"},
-    {wanted_doses, bleaching, refused,
-     "doses can't be graded with a resin that bleaches; expected one without [bleaching]"},
     {derivatives, even_dead_zone, refused, kSureUv},
     {left_alone, even_dead_zone, refused,
      "nothing can be left alone beside an even dead zone, for which all light is made; expected "
@@ -218,14 +194,12 @@ constexpr Unsupported kTable[] = {
      "the dose inside features is not capped: of a resin that bleaches they get the least that gels "
      "them"},
     UNDER_UV(exchange, refused, kExchangeUv),
-    {lifts, gel_time, without,
-     "whether layers hold at each lift is not looked at with a resin of model \"gel-time\": doses count "
-     "at the end alone"},
-    {lifts, vat_depth, without,
-     "whether layers hold at each lift is not looked at in resin that ends: doses count at the end alone"},
-    {lifts, bleaching, without,
-     "whether layers hold at each lift is not looked at with a resin that bleaches: doses count at the "
-     "end alone"},
+    {exchange, gel_time, without,
+     "the share of resin that lifts exchange is not counted with a resin of model \"gel-time\", whose inhibitor "
+     "is exchanged as well: each layer is made to hold by its own exposure, whatever the share"},
+    {exchange, bleaching, without,
+     "the share of resin that lifts exchange is not counted with a resin that bleaches, since fresh resin is "
+     "not bleached: each layer is made to hold by its own exposure, whatever the share"},
 };
 
 #undef UNDER_UV
@@ -342,8 +316,8 @@ const char* leave_out_heights(const Printer& printer, const Resin& resin, Proces
 
 const char* leave_out_lifts(const Printer& printer, const Resin& resin, Process& process) {
   if (process.mode != ExposureMode::layerwise || process.lifts == Lifts::none) return nullptr;
-  const char* const why = why_left_out(Feature::lifts, printer, resin, process);
-  if (why) process.lifts = Lifts::none;
+  const char* const why = why_left_out(exchange, printer, resin, process);
+  if (why) process.lift_exchange = kUnknownExchange;
   return why;
 }
 

@@ -26,6 +26,16 @@ void check_exchange(const Setup& setup) {
         "the exchange is off below a platform that sends light back, where derivatives are differences of "
         "ha, light, stray and m alone; expected no error of exchange, or a platform that takes light up");
   }
+  if (setup.printer.resin_depth_um > 0) {
+    throw InputError(
+        "the exchange is off in resin that ends, where derivatives are differences of ha, light, stray and m "
+        "alone; expected no error of exchange, or no depth");
+  }
+  if (!setup.process.layer_heights_um.empty()) {
+    throw InputError(
+        "the exchange is off in layers of different heights, where derivatives are differences of ha, light, "
+        "stray and m alone; expected no error of exchange, or layers of one height");
+  }
   Process process = setup.process;
   leave_out_lifts(setup.printer, setup.resin, process);
   if (process.mode != ExposureMode::layerwise || process.lifts == Lifts::none) {
@@ -75,12 +85,9 @@ constexpr std::pair<Feature, const char*> kNoNoise[] = {
     {Feature::pulsed_grey, "with grey by pulses"},
 };
 
-/// Where light spreads, columns are held together in both cases in continuous exposure, by sums of light of
-/// one height and exposure.
-constexpr Feature kRobustAlone[] = {
-    Feature::layerwise,    Feature::uv_constant, Feature::uv_per_slice,
-    Feature::uv_patterned, Feature::gel_time,    Feature::bleaching,
-    Feature::vat_depth,    Feature::reflectance, Feature::lamps_stay};
+/// Where light spreads, columns are held together in both cases by sums of light.
+constexpr Feature kRobustAlone[] = {Feature::uv_constant, Feature::uv_per_slice,
+                                    Feature::uv_patterned, Feature::gel_time, Feature::bleaching};
 
 }  // namespace
 
@@ -136,16 +143,13 @@ void check_correction(const Setup& setup, const DesignHas& design) {
         "a correction can't be robust against the covariance of a fit where light spreads from pixel to "
         "pixel; expected errors that are said one by one");
   }
-  if (robust && has(Feature::spread) && has(Feature::uneven_light)) {
-    throw InputError(
-        "a correction can't be robust where light spreads from pixel to pixel and the display's light is "
-        "uneven; expected a printer without display.flat_field");
-  }
-  for (const Feature uv : {Feature::uv_constant, Feature::uv_per_slice, Feature::uv_patterned}) {
-    if (!design.doses || !has(Feature::spread) || !has(uv)) continue;
-    throw InputError(
-        "doses can't be graded where light spreads under UV light; expected no UV light, or a printer and a "
-        "resin without spread");
+  for (const Feature other : {Feature::uv_constant, Feature::uv_per_slice, Feature::uv_patterned,
+                              Feature::gel_time, Feature::bleaching}) {
+    if (!design.doses || !has(Feature::spread) || !has(other)) continue;
+    throw InputError(fmt::format(
+        "doses can't be graded where light spreads with {}, since columns then ask each other for light "
+        "and not for doses; expected a printer and a resin without spread",
+        name_of(other)));
   }
   for (const Feature other : kRobustAlone) {
     if (!robust || !has(Feature::spread) || !has(other)) continue;

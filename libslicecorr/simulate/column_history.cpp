@@ -13,6 +13,7 @@
 
 #include "cure/margin.hpp"
 #include "cure/own_doses.hpp"
+#include "cure/own_exposure.hpp"
 #include "cure/spread_band.hpp"
 #include "simulate/column_in_time.hpp"
 #include "simulate/refuse.hpp"
@@ -213,9 +214,11 @@ std::vector<LayerAtLift> lifts_of(const CureModel& model, const std::vector<doub
   std::vector<OwnLayer> own;
   for (std::size_t k = 0; k < phi.size(); ++k) {
     const auto n = static_cast<int>(k);
-    const double at_window = phi[k] * model.returned(n + 1);
-    own.push_back({{AtLift::nothing, at_window, phi[k] * model.a * model.returned(n)},
-                   at_window >= model.lifts->film - detail::kMargin,
+    const detail::OwnExposure its = detail::own_exposure(model, n, phi[k] / model.ratio(n));
+    const bool film = model.adds_up() ? its.window >= model.lifts->film - detail::kMargin
+                                      : its.skin >= 1 - detail::kMargin;
+    own.push_back({{AtLift::nothing, its.window, its.far},
+                   film,
                    phi[k] > model.level_phi.front() * model.ratio(n) * (1 + 1e-9)});
   }
   return at_lifts(*model.lifts, own, design);

@@ -66,7 +66,8 @@ class CutColumn final : public DosesInTime {
       const CutLight rest = kernel.fade(now.share - 1.0);
       state_[n + 1] = {whole_.x * (1.0 - rest.x), whole_.y * (1.0 - rest.y)};
     }
-    for (std::size_t p = n + 1; p-- > 0;) state_[p] = cut_.step(light_[p], state_[p + 1]);
+    for (std::size_t p = n + 1; p-- > 0;)
+      state_[p] = cut_.step(light_[p], state_[p + 1], static_cast<int>(p));
   }
   void end() override { light_[static_cast<std::size_t>(now_.slice)] = whole_; }
   double at(int k, double up) override {
@@ -75,11 +76,11 @@ class CutColumn final : public DosesInTime {
       const Nothing below;
       // `up` counts from the window.
       const double window = k + now_.share;
-      return cut_.dose(light_[i], model_.gel_time()->fade(up), below, hint_,
+      return cut_.dose(k, light_[i], model_.gel_time()->fade(up), below, hint_,
                        cut_.returned(window - up));
     }
     const Below below{*this, k};
-    return cut_.dose(light_[i], model_.gel_time()->fade(up), below, hint_,
+    return cut_.dose(k, light_[i], model_.gel_time()->fade(up), below, hint_,
                      cut_.returned(k + 1 - up));
   }
 
@@ -142,7 +143,9 @@ class ExchangedColumn final : public DosesInTime {
   ExchangedColumn(const CureModel& model, std::vector<double> phi)
       : DosesInTime(model), keeps_(1.0 - *model.lifts->exchange), phi_(std::move(phi)) {
     constexpr double nothing = 1e-18;
-    for (double f = 1; f > nothing && fade_.size() < phi_.size(); f *= model.a) fade_.push_back(f);
+    const auto bath = static_cast<std::size_t>(model.bath_slices);
+    const std::size_t most = bath > 0 ? std::min(bath, phi_.size()) : phi_.size();
+    for (double f = 1; f > nothing && fade_.size() < most; f *= model.a) fade_.push_back(f);
     clear();
   }
 
@@ -178,7 +181,7 @@ class ExchangedColumn final : public DosesInTime {
   }
 
   double keeps_;
-  std::vector<double> phi_, fade_;  ///< `fade_`: a^j
+  std::vector<double> phi_, fade_;  ///< `fade_`: a^j, as far as the resin is deep
   std::vector<Layer> layers_;
   int done_ = 0;  ///< slices that have been shown whole
 };

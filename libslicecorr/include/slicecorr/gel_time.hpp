@@ -124,8 +124,9 @@ class GelTimeKernel {
   double dose_at_end(double mw_cm2, double slices) const;
   /// Continuous: how many slices lift it to 1; infinite when none are enough.
   double slices_to_gel(double mw_cm2) const;
-  /// Layer by layer: the dose of the exposure of a layer, for `ratio` of a normal one, through it.
-  double dose_through_layer(double mw_cm2, double ratio, int layer = 0) const;
+  /// Layer by layer: the dose of the exposure of a layer, for `ratio` of a normal one, through it; `height`:
+  /// of the layer, in usual ones.
+  double dose_through_layer(double mw_cm2, double ratio, int layer = 0, double height = 1) const;
 
  private:
   void take_light();

@@ -21,6 +21,9 @@
 /// The kernel is 0 nearer than the dead zone and greatest at z0: a slice hardly acts on its own
 /// layer. See correct.hpp for what that means for the correction.
 ///
+/// Grey by pulses is full light for a part of the time and black light for the rest, each with the UV light that
+/// stays on: what a slice of a level adds is what both add, in these parts. Black pixels are black all the time.
+///
 /// Where light makes the dead zone even although resin flows (`Process::even_light`, continuous), the
 /// part of these values nearer than the gap h counts Omega_f / Omega_still times: that resin was
 /// elsewhere meanwhile. Omega_still = 1/(s D'c) * integral from 0 to h; Omega_f, the dose of resin
@@ -124,6 +127,10 @@ class InhibitedKernel {
   /// Layer by layer: what an exposure of a level gives at `d_um` from the window, over
   /// `source().amount`.
   double rate(int setting, int level, double d_um) const;
+  /// The blue intensity that decides about a level's dead zone: of grey by pulses that of full light.
+  double brightest_of(int level) const {
+    return level_mw_cm2(pulses_.empty() || level == 0 ? level : levels() - 1);
+  }
   /// Whether the resin ends where light still counts.
   bool ends() const { return depth_um_ > 0; }
   /// Dead zone that even light is for, um; 0 without even light.
@@ -185,6 +192,7 @@ class InhibitedKernel {
                                    setting_share_[static_cast<std::size_t>(setting)];
   }
   void take_settings(const std::vector<double>& slice_mw_cm2);
+  void take_sources(bool pulsed);
   void make_tables();
   void tabulate(int setting);
   void count_flow(const EvenLight& light, double full_mw_cm2);
@@ -209,7 +217,12 @@ class InhibitedKernel {
   std::vector<std::vector<double>> tables_;  ///< [setting * kPlaces + position]
   std::shared_ptr<const detail::FrontProfile> profile_;
   std::vector<Source> sources_;  ///< [setting * levels + level]
-  double gap_um_ = 0;            ///< 0: resin stands still
+  /// Grey by pulses: full and black light of a level, over the amount of its source. Else empty.
+  struct Pulses {
+    Source full, black;
+  };
+  std::vector<Pulses> pulses_;  ///< [setting * levels + level]
+  double gap_um_ = 0;           ///< 0: resin stands still
   int least_even_level_ = 0;
   std::vector<double> flow_factor_;  ///< [setting * levels + level]; empty: all 1
   double depth_um_ = 0;              ///< of the resin; 0: without end

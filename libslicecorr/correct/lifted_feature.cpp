@@ -144,11 +144,14 @@ bool LiftedFeature::lift_to(const Ask& ask, double least_dose, double exchange,
   return true;
 }
 
-LiftedFeature::Light LiftedFeature::solve(const Ask& its) const {
+LiftedFeature::Light LiftedFeature::solve(const Ask& ask) const {
   const LiftModel& lifts = *model_.lifts;
-  Ask ask = its;
-  // Where the resin ends not all of this reaches the node: no feature gets thinner for what does not.
-  if (model_.bath_slices > 0) ask.after = 0;
+  if (model_.bath_slices > 0 && ask.after > 0) {
+    // Where the resin ends not all of this reaches the node: no feature gets thinner for what does not.
+    Ask without = ask;
+    without.after = 0;
+    return solve(without);
+  }
   Light light;
   if (!places_edge(lifts)) {
     light.phi = floors(ask, 0);

@@ -271,11 +271,15 @@ class ExchangedDose {
     int slice;
   };
   double add(std::vector<After>& after, double light) const {
+    if (bath_ > 0) {
+      const auto is_in = [&](const After& k) { return k.slice - slice_ < bath_; };
+      after.erase(after.begin(), std::find_if(after.begin(), after.end(), is_in));
+    }
     double dose = light;
     for (After& k : after) {
       k.kept *= keeps_;
       k.dose = k.kept * light + a_ * k.dose;
-      if (bath_ == 0 || k.slice - slice_ < bath_) dose = std::max(dose, k.dose);
+      dose = std::max(dose, k.dose);
     }
     if (light > 0) after.push_back({light, 1, slice_});
     // One slice further up doses become keeps (kept phi + kept a/keeps h): where a nearer lift, which has kept
@@ -287,7 +291,6 @@ class ExchangedDose {
     for (std::size_t k = after.size(); k-- > 0;) {
       const After here = after[k];
       if (here.dose <= nearer || here.dose + here.kept * most_ <= nothing) continue;
-      if (bath_ > 0 && here.slice - slice_ >= bath_) continue;
       nearer = here.dose;
       after[--to] = here;
     }

@@ -458,6 +458,38 @@ TEST(Recommend, ADiscIsAsEvenAsItsStreamlinesSay) {
   EXPECT_NEAR(d.force_n, 1.5 * 3.14159265 * 0.3 * s * R * R * R * R / (h * h * h),
               1e-6 * d.force_n);
   EXPECT_NEAR(d.fastest_mm_h, 300 * 1e5 / d.suction_pa, 1e-6 * d.fastest_mm_h);
+  // Lamps that are uneven: where least blue and most UV light comes, and where it is the other way round.
+  FlatField field;
+  field.width_px = 2;
+  field.height_px = 1;
+  field.values =
+      std::make_shared<const std::vector<std::uint8_t>>(std::vector<std::uint8_t>{204, 255});
+  printer.uv_flat_field = field;
+  const Recommendation uneven = recommend(resin, printer, wish);
+  const auto said =
+      std::find_if(uneven.reasons.begin(), uneven.reasons.end(), [](const std::string& text) {
+        return text.starts_with(
+            "By the flat-fields of the lamps 1 to 1 of this blue light and 0.8 to 1 ");
+      });
+  ASSERT_NE(said, uneven.reasons.end());
+  const auto percent_after = [&](const std::string& words) {
+    return std::stod(said->substr(said->find(words) + words.size()));
+  };
+  const auto within_at = [&](double uv) {
+    EvenDisc there = *uneven.disc;
+    there.uv_mw_cm2 *= uv;
+    Resin formulated = resin;
+    formulated.absorbance_height10_um = there.height_e_um * std::log(10.0);
+    int count = 0;
+    for (int i = 0; i < places; ++i) {
+      const double place = std::max((i + 0.5) / places, 0.02);
+      count += std::abs(streamline_dose(place, formulated, there, 300) - 1) <= 0.1 ? 1 : 0;
+    }
+    return 100.0 * count / places;
+  };
+  EXPECT_NEAR(percent_after("most UV light "), within_at(1), 3 + 0.5);
+  EXPECT_NEAR(percent_after("least UV light "), within_at(0.8), 3 + 0.5);
+  EXPECT_EQ(r.reasons.size() + 1, uneven.reasons.size());
   // Without UV light the suction alone; without viscosity nothing.
   printer.uv.reset();
   const Recommendation dry = recommend(resin, printer, wish);

@@ -5,8 +5,10 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
+#include <optional>
 
 #include "design/designer.hpp"
 #include "design/numbers.hpp"
@@ -102,6 +104,59 @@ void design_peak(const Designer& designer, const Wish& wish, Recommendation& r) 
       figure(wish.omega_max), figure(r.phi_max), at_most(r.fastest_mm_h / wish.omega_max)));
 }
 
+namespace {
+
+/// Shares of the calibration's light that a lamp gives at its dimmest and its brightest place.
+std::array<double, 2> shares_of(const std::optional<FlatField>& field) {
+  if (!field) return {1, 1};
+  return {1.0 * field->least() / field->reference, 1.0 * field->greatest() / field->reference};
+}
+
+/// Share of the radius within 10 % of its dose, and the greatest dose at the window, where lamps give these shares of
+/// the disc's light.
+struct AtPlace {
+  double within = 0, window = 0;
+};
+AtPlace disc_at(const FlowResin& flows, const DiscPrint& print, const EvenDisc& disc, double blue,
+                double uv) {
+  const DiscDose dose =
+      disc_dose(flows, print, even_curve(disc.gap_um),
+                even_light(blue * disc.blue_mw_cm2, uv * disc.uv_mw_cm2), kCoarse);
+  AtPlace at;
+  const RadialCurve& f = dose.front;
+  for (std::size_t i = 1; i < f.r.size(); ++i) {
+    const double mean = 0.5 * (f.value[i] + f.value[i - 1]);
+    if (std::abs(mean - 1) <= 0.1) at.within += f.r[i] - f.r[i - 1];
+  }
+  at.window = *std::max_element(dose.window.value.begin(), dose.window.value.end());
+  return at;
+}
+
+/// Even light is the lamps' at the calibration's places: what it does at others.
+void disc_by_place(const Resin& resin, const Printer& printer, const Wish& wish,
+                   const EvenDisc& disc, Recommendation& r) {
+  if (!printer.flat_field && !printer.uv_flat_field) return;
+  const auto blue = shares_of(printer.flat_field), uv = shares_of(printer.uv_flat_field);
+  const DiscPrint print{DiscShape::disc, wish.disc_radius_mm, wish.speed_mm_h};
+  const FlowResin flows = flow_resin(with_height(resin, disc.height_e_um));
+  const AtPlace dim = disc_at(flows, print, disc, blue[0], uv[1]);
+  const AtPlace bright = disc_at(flows, print, disc, blue[1], uv[0]);
+  r.reasons.push_back(fmt::format(
+      "By the flat-fields of the lamps {} to {} of this blue light and {} to {} of this UV light come: with least blue "
+      "and most UV light {:.0f} % of the radius lies within 10 % of their dose, with most blue and least UV light {:.0f} % "
+      "(each as if it were even over the disc).",
+      figure(blue[0]), figure(blue[1]), figure(uv[0]), figure(uv[1]), 100 * dim.within,
+      100 * bright.within));
+  if (bright.window >= 1) {
+    r.warnings.push_back(fmt::format(
+        "where the display gives {} and the UV lamp {} of their light the disc of {} mm sticks to the window: the dose "
+        "there is {} times that of gel",
+        figure(blue[1]), figure(uv[0]), figure(wish.disc_radius_mm), figure(bright.window)));
+  }
+}
+
+}  // namespace
+
 void design_disc(const Resin& resin, const Printer& printer, const Wish& wish, Recommendation& r) {
   r.disc = disc_of(resin, printer, wish, r.height_e_um);
   const EvenDisc& disc = *r.disc;
@@ -111,6 +166,7 @@ void design_disc(const Resin& resin, const Printer& printer, const Wish& wish, R
         "Even light under a disc of {} mm radius, resin flowing: with the height above {}; with "
         "the resin as it is {}.",
         figure(wish.disc_radius_mm), in_words(disc), in_words(*r.disc_present)));
+    disc_by_place(resin, printer, wish, disc, r);
     // Blue light must reach further than UV light.
     const double huv = units::height_e_from_10(resin.inhibition->absorbance_height10_um);
     const double low = std::max(units::height_e_from_10(r.range->least_um), huv * 1.01);

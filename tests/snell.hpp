@@ -59,7 +59,11 @@ inline Marched march(const Vial& vial, double n_resin, const LightLine& line) {
     at = add(at, along, distance_to(at, along, radius, -1));
     along = refracted(along, {at[0] / radius, at[1] / radius, 0}, n, n_after, &s, &p);
   };
-  face(vial.outer_mm, vial.n_outside, vial.n_wall);
+  if (vial.jacket_outer_mm > 0) {
+    face(vial.jacket_outer_mm, vial.n_outside, vial.n_jacket);
+    face(vial.jacket_inner_mm, vial.n_jacket, vial.n_between);
+  }
+  face(vial.outer_mm, vial.jacket_outer_mm > 0 ? vial.n_between : vial.n_outside, vial.n_wall);
   face(vial.inner_mm, vial.n_wall, n_resin);
   return {at, along, add(at, along, distance_to(at, along, vial.inner_mm, 1)), (s + p) / 2};
 }

@@ -196,7 +196,7 @@ TEST(Vial, LightThatComesOnlyInPart) {
 
 // --- The same by a march through two cylinders
 
-TEST(Vial, MarchThroughTwoCylindersAgrees) {
+void expect_march_to_agree(bool double_walled) {
   std::mt19937 random(25);
   const auto within = [&](double low, double high) {
     return std::uniform_real_distribution<double>(low, high)(random);
@@ -208,8 +208,14 @@ TEST(Vial, MarchThroughTwoCylindersAgrees) {
     vial.inner_mm = vial.outer_mm * within(.6, .99);
     vial.n_outside = within(1, 1.7);
     vial.n_wall = within(1.1, 1.9);
+    if (double_walled) {
+      vial.jacket_inner_mm = vial.outer_mm * within(1, 1.3);
+      vial.jacket_outer_mm = vial.jacket_inner_mm * within(1.01, 1.2);
+      vial.n_between = within(1, 1.6);
+      vial.n_jacket = within(1.1, 1.9);
+    }
     const double n_resin = within(1.1, 1.9);
-    const LightLine line{vial.outer_mm * within(-1, 1), within(-30, 30), within(-.4, .4),
+    const LightLine line{vial.outside_mm() * within(-1, 1), within(-30, 30), within(-.4, .4),
                          within(-.4, .4)};
     const auto ray = ray_in_resin(vial, n_resin, line);
     // Near grazing, the march loses digits: cosines near 0 are roots of small differences.
@@ -235,6 +241,36 @@ TEST(Vial, MarchThroughTwoCylindersAgrees) {
     ASSERT_EQ(q_in_resin_mm(vial, n_resin, q, line.kz()), ray->t_mm);
     ASSERT_EQ(turned_rad(vial, n_resin, q, line.kz()) - line.angle_rad(), ray->turn_rad);
   }
+}
+
+TEST(Vial, MarchThroughTwoCylindersAgrees) { expect_march_to_agree(false); }
+TEST(Vial, MarchThroughFourCylindersAgrees) { expect_march_to_agree(true); }
+
+/// A wall between two of the same index is none; between the walls of one index light goes as through one
+/// thick wall. How far light comes is a minimum over all faces.
+TEST(Vial, ASecondWallOfNothingIsNone) {
+  const Vial one{5, 4, 1.2, 1.5};
+  Vial two = one;
+  two.jacket_outer_mm = 7;
+  two.jacket_inner_mm = 6;
+  two.n_between = two.n_jacket = 1.2;
+  Vial thick{7, 4, 1.2, 1.5}, filled = two;
+  filled.n_between = filled.n_jacket = 1.5;
+  for (const double q : {-4.0, -1.0, 0.5, 3.0}) {
+    const LightLine line{q, 2, 0.1, 0.2};
+    for (const auto& [a, b] : {std::pair(one, two), std::pair(thick, filled)}) {
+      const auto ray = ray_in_resin(a, 1.4, line), same = ray_in_resin(b, 1.4, line);
+      ASSERT_TRUE(ray && same);
+      EXPECT_NEAR(ray->turn_rad, same->turn_rad, 1e-14);
+      EXPECT_NEAR(ray->entry_z_mm, same->entry_z_mm, 1e-13);
+      EXPECT_NEAR(ray->transmittance, same->transmittance, 1e-14);
+    }
+  }
+  // Air between the walls holds light back where neither wall does.
+  Vial air = two;
+  air.n_between = 1;
+  EXPECT_NEAR(most_in_resin_mm(air, 1.5, 100), 5.0 / 1.5, 1e-14);
+  EXPECT_NEAR(most_in_resin_mm(two, 1.5, 100), 4, 1e-14);
 }
 
 // --- Pixels

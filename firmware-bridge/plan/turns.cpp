@@ -73,8 +73,14 @@ void check_job(const tomo::TomoJob& job, const std::string& path, const Machine&
   }
   if (made.vial != here.vial) {
     const auto vial = [](const Printer& p) {
-      return fmt::format("{:g} to {:g} mm, indices {:g} and {:g}", p.vial->inner_mm,
-                         p.vial->outer_mm, p.vial->n_outside, p.vial->n_wall);
+      std::string text = fmt::format("{:g} to {:g} mm, indices {:g} and {:g}", p.vial->inner_mm,
+                                     p.vial->outer_mm, p.vial->n_outside, p.vial->n_wall);
+      if (p.vial->jacket_outer_mm > 0) {
+        text += fmt::format(", a second wall of {:g} to {:g} mm, indices {:g} and {:g}",
+                            p.vial->jacket_inner_mm, p.vial->jacket_outer_mm, p.vial->n_between,
+                            p.vial->n_jacket);
+      }
+      return text;
     };
     differs("its vial has", vial(made), vial(here));
   }

@@ -57,10 +57,6 @@ Vial vial_of(const TomlTable& table) {
   Vial vial;
   vial.outer_mm = table.required_number("outer_mm", 0, 1e4);
   vial.inner_mm = table.required_number("inner_mm", 0, 1e4);
-  if (vial.inner_mm >= vial.outer_mm) {
-    table.fail("inner_mm", fmt::format("is {:g}; expected less than outer_mm, {:g}: both are radii",
-                                       vial.inner_mm, vial.outer_mm));
-  }
   const std::string shape = table.text("shape", "round");
   if (shape != "round") {
     table.fail("shape",
@@ -70,6 +66,15 @@ Vial vial_of(const TomlTable& table) {
   }
   vial.n_outside = index(table, "n_outside", vial.n_outside);
   vial.n_wall = index(table, "n_wall", vial.n_wall);
+  vial.jacket_outer_mm = table.number("jacket_outer_mm", 0, 1e4).value_or(0);
+  vial.jacket_inner_mm = table.number("jacket_inner_mm", 0, 1e4).value_or(0);
+  for (const char* key : {"n_between", "n_jacket"}) {
+    if (vial.jacket_outer_mm > 0 || !table.has(key)) continue;
+    table.fail(key, "is of a second wall; expected jacket_outer_mm and jacket_inner_mm with it");
+  }
+  vial.n_between = index(table, "n_between", vial.n_between);
+  vial.n_jacket = index(table, "n_jacket", vial.n_jacket);
+  if (const auto wrong = wrong_vial(vial)) table.fail(wrong->key, wrong->words);
   return vial;
 }
 
@@ -96,11 +101,11 @@ Optics optics_of(const TomlTable& table, const Printer& printer) {
   if (kind == "pinhole") {
     optics.kind = OpticsKind::pinhole;
     table.required_number("distance_mm", 0, 1e6);
-    if (printer.vial && optics.distance_mm <= printer.vial->outer_mm) {
+    if (printer.vial && optics.distance_mm <= printer.vial->outside_mm()) {
       table.fail("distance_mm",
                  fmt::format("is {:g}; expected more than the vial's outer radius, {:g} mm: light "
                              "comes from outside",
-                             optics.distance_mm, printer.vial->outer_mm));
+                             optics.distance_mm, printer.vial->outside_mm()));
     }
   }
   optics.half_angle_deg = table.number("half_angle_deg", 0, 45, true).value_or(0);

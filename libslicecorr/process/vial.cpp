@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <numbers>
@@ -35,20 +36,41 @@ const Vial& vial_of(const Printer& printer) {
   return *printer.vial;
 }
 
-/// The indices across the axis of what a ray passes.
-struct IndicesAcross {
-  double outside, wall, resin;
-};
-IndicesAcross across(const Vial& vial, double n_resin, double kz) {
-  return {index_across(vial.n_outside, vial.n_outside, kz),
-          index_across(vial.n_wall, vial.n_outside, kz), index_across(n_resin, vial.n_outside, kz)};
-}
+/// The faces that a ray passes, with the indices across the axis. Few, and asked for often.
+struct Passed {
+  struct Face {
+    double radius_mm = 0;
+    double n = 1, n_across = 1;  ///< behind it
+  };
+  std::array<Face, 4> faces{};
+  std::size_t count = 0;
+  double outside = 1;  ///< index across the axis
 
-bool misses(const Vial& vial, const IndicesAcross& n, double q_mm) {
-  const double nq = n.outside * std::abs(q_mm);
+  Passed(const Vial& v, double n_resin, double kz)
+      : outside(index_across(v.n_outside, v.n_outside, kz)) {
+    const auto add = [&](double radius_mm, double n) {
+      faces[count++] = {radius_mm, n, index_across(n, v.n_outside, kz)};
+    };
+    if (v.jacket_outer_mm > 0) {
+      add(v.jacket_outer_mm, v.n_jacket);
+      add(v.jacket_inner_mm, v.n_between);
+    }
+    add(v.outer_mm, v.n_wall);
+    add(v.inner_mm, n_resin);
+  }
+  const Face& last() const { return faces[count - 1]; }
+};
+
+bool misses(const Passed& p, double q_mm) {
   // Written so that what is no number misses.
-  return !(std::abs(q_mm) < vial.outer_mm && nq < n.wall * vial.inner_mm &&
-           nq < n.resin * vial.inner_mm);
+  if (!(std::abs(q_mm) < p.faces[0].radius_mm)) return true;
+  const double nq = p.outside * std::abs(q_mm);
+  for (std::size_t k = 0; k < p.count; ++k) {
+    const Passed::Face& face = p.faces[k];
+    if (!(nq < face.n_across * face.radius_mm)) return true;
+    if (k > 0 && !(nq < p.faces[k - 1].n_across * face.radius_mm)) return true;
+  }
+  return false;
 }
 
 /// Cosine of the angle between a ray and the normal of a cylinder of this radius, in a medium.
@@ -194,12 +216,12 @@ std::optional<WrongBath> wrong_bath(const Printer& printer) {
                                             "window lies before the axis",
                                             b.wall_mm, b.window_mm)};
   }
-  if (printer.vial && b.window_mm - b.wall_mm < printer.vial->outer_mm) {
+  if (printer.vial && b.window_mm - b.wall_mm < printer.vial->outside_mm()) {
     return WrongBath{
         "window_mm",
         fmt::format("is {:g}, with {:g} mm of window in it; expected the vial, of {:g} mm, behind "
                     "the window",
-                    b.window_mm, b.wall_mm, printer.vial->outer_mm)};
+                    b.window_mm, b.wall_mm, printer.vial->outside_mm())};
   }
   if (printer.vial && std::abs(printer.vial->n_outside - b.n) > 1e-9) {
     return WrongBath{"n",
@@ -221,21 +243,68 @@ double index_across(double n, double n_outside, double kz) {
   return std::sqrt(n * n - n_outside * kz * (n_outside * kz));
 }
 
+std::vector<VialFace> faces_of(const Vial& vial, double n_resin) {
+  const Passed passed(vial, n_resin, 0);
+  std::vector<VialFace> faces;
+  for (std::size_t k = 0; k < passed.count; ++k) {
+    faces.push_back({passed.faces[k].radius_mm, passed.faces[k].n});
+  }
+  return faces;
+}
+
+std::optional<WrongVial> wrong_vial(const Vial& v) {
+  if (v.inner_mm >= v.outer_mm) {
+    return WrongVial{"inner_mm",
+                     fmt::format("is {:g}; expected less than outer_mm, {:g}: both are radii",
+                                 v.inner_mm, v.outer_mm)};
+  }
+  if (v.jacket_outer_mm == 0 && v.jacket_inner_mm == 0) return std::nullopt;
+  if (v.jacket_inner_mm < v.outer_mm) {
+    return WrongVial{
+        "jacket_inner_mm",
+        fmt::format(
+            "is {:g}; expected outer_mm, {:g}, or more: the second wall is around the first",
+            v.jacket_inner_mm, v.outer_mm)};
+  }
+  if (v.jacket_outer_mm <= v.jacket_inner_mm) {
+    return WrongVial{
+        "jacket_outer_mm",
+        fmt::format("is {:g}; expected more than jacket_inner_mm, {:g}: both are radii",
+                    v.jacket_outer_mm, v.jacket_inner_mm)};
+  }
+  return std::nullopt;
+}
+
+double most_in_resin_mm(const Vial& vial, double n_resin, double q_mm) {
+  double most = vial.n_outside * std::min(vial.outside_mm(), q_mm), before = vial.n_outside;
+  for (const VialFace& face : faces_of(vial, n_resin)) {
+    most = std::min({most, before * face.radius_mm, face.n_behind * face.radius_mm});
+    before = face.n_behind;
+  }
+  return most / n_resin;
+}
+
 bool misses(const Vial& vial, double n_resin, double q_mm, double kz) {
-  return misses(vial, across(vial, n_resin, kz), q_mm);
+  return misses(Passed(vial, n_resin, kz), q_mm);
 }
 
 double q_in_resin_mm(const Vial& vial, double n_resin, double q_mm, double kz) {
-  const IndicesAcross n = across(vial, n_resin, kz);
-  return misses(vial, n, q_mm) ? kNone : n.outside * q_mm / n.resin;
+  const Passed passed(vial, n_resin, kz);
+  return misses(passed, q_mm) ? kNone : passed.outside * q_mm / passed.last().n_across;
 }
 
 double turned_rad(const Vial& vial, double n_resin, double q_mm, double kz) {
-  const IndicesAcross n = across(vial, n_resin, kz);
-  if (misses(vial, n, q_mm)) return kNone;
-  const double nq = n.outside * q_mm;
-  return std::asin(q_mm / vial.outer_mm) - std::asin(nq / (n.wall * vial.outer_mm)) +
-         std::asin(nq / (n.wall * vial.inner_mm)) - std::asin(nq / (n.resin * vial.inner_mm));
+  const Passed passed(vial, n_resin, kz);
+  if (misses(passed, q_mm)) return kNone;
+  const double nq = passed.outside * q_mm;
+  double turned = 0;
+  for (std::size_t k = 0; k < passed.count; ++k) {
+    const Passed::Face& face = passed.faces[k];
+    const double before =
+        k == 0 ? q_mm / face.radius_mm : nq / (passed.faces[k - 1].n_across * face.radius_mm);
+    turned += std::asin(before) - std::asin(nq / (face.n_across * face.radius_mm));
+  }
+  return turned;
 }
 
 double chord_mm(const Vial& vial, double n_resin, double q_mm, double kz) {
@@ -245,35 +314,45 @@ double chord_mm(const Vial& vial, double n_resin, double q_mm, double kz) {
 }
 
 double transmittance(const Vial& vial, double n_resin, double q_mm, double kz) {
-  const IndicesAcross n = across(vial, n_resin, kz);
-  if (misses(vial, n, q_mm)) return kNone;
-  const double q2 = n.outside * q_mm / n.wall, q3 = n.outside * q_mm / n.resin;
-  const FaceTransmittance outer =
-      through(vial.n_outside, cosine_at(q_mm, vial.outer_mm, n.outside, vial.n_outside),
-              vial.n_wall, cosine_at(q2, vial.outer_mm, n.wall, vial.n_wall));
-  const FaceTransmittance inner =
-      through(vial.n_wall, cosine_at(q2, vial.inner_mm, n.wall, vial.n_wall), n_resin,
-              cosine_at(q3, vial.inner_mm, n.resin, n_resin));
-  return (outer.s * inner.s + outer.p * inner.p) / 2;
+  const Passed passed(vial, n_resin, kz);
+  if (misses(passed, q_mm)) return kNone;
+  FaceTransmittance all{1, 1};
+  double n = vial.n_outside, n_across = passed.outside;
+  for (std::size_t k = 0; k < passed.count; ++k) {
+    const Passed::Face& face = passed.faces[k];
+    const double q_before = passed.outside * q_mm / n_across,
+                 q_behind = passed.outside * q_mm / face.n_across;
+    const FaceTransmittance one =
+        through(n, cosine_at(q_before, face.radius_mm, n_across, n), face.n,
+                cosine_at(q_behind, face.radius_mm, face.n_across, face.n));
+    all = {all.s * one.s, all.p * one.p};
+    n = face.n;
+    n_across = face.n_across;
+  }
+  return (all.s + all.p) / 2;
 }
 
 std::optional<ResinRay> ray_in_resin(const Vial& vial, double n_resin, const LightLine& line) {
   const double q = line.q_mm(), kz = line.kz(), psi = line.angle_rad();
-  const IndicesAcross n = across(vial, n_resin, kz);
-  if (misses(vial, n, q)) return std::nullopt;
+  const Passed passed(vial, n_resin, kz);
+  if (misses(passed, q)) return std::nullopt;
   ResinRay ray;
   ray.turn_rad = turned_rad(vial, n_resin, q, kz) - psi;
-  ray.t_mm = n.outside * q / n.resin;
+  ray.t_mm = passed.outside * q / passed.last().n_across;
   ray.kz = vial.n_outside * kz / n_resin;
-  // From the plane Y = 0 back to the vial, then through the wall.
-  const double q2 = n.outside * q / n.wall, kz2 = vial.n_outside * kz / vial.n_wall;
-  const double wall_mm = std::sqrt((vial.outer_mm - q2) * (vial.outer_mm + q2)) -
-                         std::sqrt((vial.inner_mm - q2) * (vial.inner_mm + q2));
+  // From the plane Y = 0 back to the vial, then through the walls and what is between them.
+  const double outside_mm = vial.outside_mm();
   ray.entry_z_mm =
-      line.z_mm -
-      (std::sqrt((vial.outer_mm - q) * (vial.outer_mm + q)) + line.x_mm * std::sin(psi)) *
-          line.slope_z * std::cos(psi) +
-      wall_mm * kz2 / std::sqrt(1 - kz2 * kz2);
+      line.z_mm - (std::sqrt((outside_mm - q) * (outside_mm + q)) + line.x_mm * std::sin(psi)) *
+                      line.slope_z * std::cos(psi);
+  for (std::size_t k = 0; k + 1 < passed.count; ++k) {
+    const Passed::Face& face = passed.faces[k];
+    const double next_mm = passed.faces[k + 1].radius_mm;
+    const double q2 = passed.outside * q / face.n_across, kz2 = vial.n_outside * kz / face.n;
+    const double way_mm = std::sqrt((face.radius_mm - q2) * (face.radius_mm + q2)) -
+                          std::sqrt((next_mm - q2) * (next_mm + q2));
+    ray.entry_z_mm += way_mm * kz2 / std::sqrt(1 - kz2 * kz2);
+  }
   ray.chord_mm = chord_mm(vial, n_resin, q, kz);
   ray.transmittance = transmittance(vial, n_resin, q, kz) * line.transmittance;
   return ray;
@@ -290,9 +369,7 @@ double reach_mm(const Printer& printer, double n_resin) {
       std::max(0.0, std::min(-pixel_x_mm(printer, 0), pixel_x_mm(printer, last)) - wobble_mm);
   const double q_mm =
       optics.kind == OpticsKind::pinhole ? ray_of_pinhole(printer, {side_mm, 0}).q_mm() : side_mm;
-  return std::min({vial.n_outside * std::min(vial.outer_mm, q_mm), vial.n_wall * vial.inner_mm,
-                   n_resin * vial.inner_mm}) /
-         n_resin;
+  return most_in_resin_mm(vial, n_resin, q_mm);
 }
 
 double height_on_axis(const Printer& printer, double n_resin) {
@@ -300,11 +377,14 @@ double height_on_axis(const Printer& printer, double n_resin) {
   const Optics& optics = optics_of(printer);
   if (optics.kind == OpticsKind::telecentric) return 1;
   const SeenThrough seen = through_window(printer);
-  return seen.larger *
-         (seen.distance_mm - vial.outer_mm +
-          (vial.outer_mm - vial.inner_mm) * vial.n_outside / vial.n_wall +
-          vial.inner_mm * vial.n_outside / n_resin) /
-         seen.distance_mm;
+  // Ways in the walls, and what is between them, as they look from outside.
+  double way_mm = seen.distance_mm - vial.outside_mm();
+  const std::vector<VialFace> faces = faces_of(vial, n_resin);
+  for (std::size_t k = 0; k < faces.size(); ++k) {
+    const double next_mm = k + 1 < faces.size() ? faces[k + 1].radius_mm : 0;
+    way_mm += (faces[k].radius_mm - next_mm) * vial.n_outside / faces[k].n_behind;
+  }
+  return seen.larger * way_mm / seen.distance_mm;
 }
 
 const char* name_of(OpticsKind kind) {

@@ -80,9 +80,10 @@ const Known* known(const std::string& name) {
 bool holds(const State& s) {
   const Vial& v = *s.printer.vial;
   const Optics& o = *s.printer.optics;
-  return v.inner_mm > 0 && v.outer_mm > v.inner_mm && v.n_wall >= 1 && v.n_wall <= 3 && s.n >= 1 &&
+  return v.inner_mm > 0 && !wrong_vial(v) && v.n_wall >= 1 && v.n_wall <= 3 && s.n >= 1 &&
          s.n <= 3 && std::abs(o.tilt_deg) <= 45 && !wrong_bath(s.printer) &&
-         (o.kind == OpticsKind::telecentric || (o.distance_mm > v.outer_mm && o.distance_mm < 1e6));
+         (o.kind == OpticsKind::telecentric ||
+          (o.distance_mm > v.outside_mm() && o.distance_mm < 1e6));
 }
 
 /// How far a pixel's ray passes by a point, in the plane and in height, mm.
@@ -109,7 +110,7 @@ SeenAt find_from(const State& s, const OpticsPoint& p, SeenAt at) {
   const bool marked = std::isfinite(p.z_mm);
   constexpr double step = 1e-3;
   const double pitch_mm = s.printer.pixel_x_um * 1e-3;
-  const double far = s.printer.vial->outer_mm / pitch_mm;
+  const double far = s.printer.vial->outside_mm() / pitch_mm;
   for (int i = 0; i < 60; ++i) {
     const auto here = miss_of(s, p, at.column, at.row);
     const auto right = miss_of(s, p, at.column + step, at.row);

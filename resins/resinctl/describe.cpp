@@ -141,6 +141,11 @@ std::string tomography_text(const Printer& p, const Resin* in) {
     out += line("refractive index",
                 fmt::format("{:g} outside{}, {:g} of the wall", v.n_outside,
                             v.n_outside < 1.01 ? " (air)" : " (a bath)", v.n_wall));
+    if (v.jacket_outer_mm > 0) {
+      out += line("second wall",
+                  fmt::format("radii {:g} and {:g} mm, of index {:g}; {:g} between the walls",
+                              v.jacket_outer_mm, v.jacket_inner_mm, v.n_jacket, v.n_between));
+    }
     if (p.optics) {
       if (in) {
         out += reach_line(p, index_of(*in), fmt::format("{} (n = {:g})", in->name, in->n));
@@ -527,6 +532,12 @@ std::string printer_json(const Printer& p, const std::string& path) {
                  {"inner_mm", p.vial->inner_mm},
                  {"n_outside", p.vial->n_outside},
                  {"n_wall", p.vial->n_wall}};
+    if (p.vial->jacket_outer_mm > 0) {
+      j["vial"].update({{"jacket_outer_mm", p.vial->jacket_outer_mm},
+                        {"jacket_inner_mm", p.vial->jacket_inner_mm},
+                        {"n_between", p.vial->n_between},
+                        {"n_jacket", p.vial->n_jacket}});
+    }
   }
   if (p.bath) {
     j["bath"] = {{"window_mm", p.bath->window_mm},

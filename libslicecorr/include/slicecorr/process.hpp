@@ -103,6 +103,13 @@ struct Vial {
   double inner_mm = 0;   ///< inner radius: the resin ends here; > 0
   double n_outside = 1;  ///< refractive index around the vial, 1..3: 1 is air, the resin's a bath
   double n_wall = 1.48;  ///< that of the wall, 1..3; borosilicate glass in violet light
+  /// A second wall around the first, of a double-walled vial: its radii, jacket_outer_mm > jacket_inner_mm
+  /// >= outer_mm; 0: none.
+  double jacket_outer_mm = 0, jacket_inner_mm = 0;
+  double n_between = 1;    ///< between the walls, 1..3
+  double n_jacket = 1.48;  ///< of the second wall, 1..3
+  /// Where the vial ends.
+  double outside_mm() const { return jacket_outer_mm > 0 ? jacket_outer_mm : outer_mm; }
   bool operator==(const Vial&) const = default;
 };
 

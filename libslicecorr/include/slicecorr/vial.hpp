@@ -20,6 +20,7 @@
 
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "slicecorr/process.hpp"
 
@@ -77,6 +78,24 @@ std::optional<WrongBath> wrong_bath(const Printer& printer);
 /// n': the refractive index that counts across the axis, sqrt(n² - (n_outside kz)²).
 double index_across(double n, double n_outside, double kz);
 
+/// What light passes on its way into the resin, from outside: the radius of a face, and the index behind it.
+struct VialFace {
+  double radius_mm = 0, n_behind = 1;
+};
+/// Two of them, or four of a double-walled vial; the resin is behind the last.
+std::vector<VialFace> faces_of(const Vial& vial, double n_resin);
+
+/// What is wrong with a vial: a key of its table and words; nothing where its radii go with each other.
+struct WrongVial {
+  const char* key = "";
+  std::string words;
+};
+std::optional<WrongVial> wrong_vial(const Vial& vial);
+
+/// Greatest distance from the axis, mm, at which light that passes by the axis at up to this, outside, is in
+/// the resin.
+double most_in_resin_mm(const Vial& vial, double n_resin, double q_mm);
+
 /// Whether a ray does not come into the resin: it passes by the vial, or is reflected as a whole.
 bool misses(const Vial& vial, double n_resin, double q_mm, double kz);
 
@@ -89,7 +108,7 @@ double turned_rad(const Vial& vial, double n_resin, double q_mm, double kz);
 /// Length of the way through the resin, mm, along which light dims.
 double chord_mm(const Vial& vial, double n_resin, double q_mm, double kz);
 
-/// Power that comes through both faces of the wall, 0..1 (Fresnel), of light without polarisation.
+/// Power that comes through all faces, 0..1 (Fresnel), of light without polarisation.
 double transmittance(const Vial& vial, double n_resin, double q_mm, double kz);
 
 /// A ray in the resin: that of a parallel beam in the plane, which rises.
@@ -100,7 +119,7 @@ struct ResinRay {
   double kz = 0;    ///< z part of its unit direction
   double entry_z_mm = 0;     ///< where it comes into the resin, at u = -sqrt(inner_mm² - t_mm²)
   double chord_mm = 0;       ///< from there to where it leaves
-  double transmittance = 0;  ///< of both faces of the wall, and of what the line says
+  double transmittance = 0;  ///< of all faces of the vial, and of what the line says
   double climb_mm() const { return chord_mm * kz; }  ///< how much it rises on its way
 };
 /// Nothing where the line misses the resin.

@@ -124,7 +124,13 @@ void read_tomography(const Node& node, Printer& p) {
     const Node v = node["vial"];
     p.vial = Vial{v["outer_mm"].positive(), v["inner_mm"].positive(), v["n_outside"].number(1, 3),
                   v["n_wall"].number(1, 3)};
-    if (p.vial->inner_mm >= p.vial->outer_mm) v["inner_mm"].fail("less than outer_mm");
+    if (v.has("jacket_outer_mm")) {
+      p.vial->jacket_outer_mm = v["jacket_outer_mm"].positive();
+      p.vial->jacket_inner_mm = v["jacket_inner_mm"].positive();
+      p.vial->n_between = v["n_between"].number(1, 3);
+      p.vial->n_jacket = v["n_jacket"].number(1, 3);
+    }
+    if (const auto wrong = wrong_vial(*p.vial)) v[wrong->key].fail("radii that go with the others");
   }
   if (node.has("optics")) {
     const Node o = node["optics"];
@@ -136,7 +142,7 @@ void read_tomography(const Node& node, Printer& p) {
                       o["axis_up_px"].number(-1e5, 1e5),
                       o.has("tilt_deg") ? o["tilt_deg"].number(-45, 45) : 0};
     if (p.optics->kind == OpticsKind::pinhole &&
-        p.optics->distance_mm <= (p.vial ? p.vial->outer_mm : 0)) {
+        p.optics->distance_mm <= (p.vial ? p.vial->outside_mm() : 0)) {
       o["distance_mm"].fail("more than the vial's outer radius");
     }
   }
@@ -268,6 +274,12 @@ Json printer_json(const Printer& p) {
                     {"inner_mm", p.vial->inner_mm},
                     {"n_outside", p.vial->n_outside},
                     {"n_wall", p.vial->n_wall}};
+    if (p.vial->jacket_outer_mm > 0) {
+      json["vial"].update({{"jacket_outer_mm", p.vial->jacket_outer_mm},
+                           {"jacket_inner_mm", p.vial->jacket_inner_mm},
+                           {"n_between", p.vial->n_between},
+                           {"n_jacket", p.vial->n_jacket}});
+    }
   }
   if (p.optics) {
     json["optics"] = {{"kind", name_of(p.optics->kind)},

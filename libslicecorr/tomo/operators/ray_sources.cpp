@@ -42,9 +42,7 @@ RaySources::RaySources(const Printer& printer, double n_resin, double alpha_per_
   points_ = aperture_points(optics.half_angle_deg > 0 ? optics.rays_per_pixel : 1);
   reach_ = aperture_slope(printer);
   const Vial& vial = *printer.vial;
-  most_mm_ = std::min({vial.n_outside * vial.outer_mm, vial.n_wall * vial.inner_mm,
-                       n_resin * vial.inner_mm}) /
-             n_resin;
+  most_mm_ = most_in_resin_mm(vial, n_resin, vial.outside_mm());
   u_step_mm_ = vial.inner_mm / kAlong;
   const double height_mm = highest_mm - lowest_mm;
   heights_ = std::clamp(static_cast<int>(std::ceil(height_mm * kUp / vial.inner_mm)), 1, 512) + 1;

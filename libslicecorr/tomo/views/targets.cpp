@@ -47,7 +47,7 @@ struct Window {
 };
 Window window_of(const Printer& p) {
   const ImagePlace at = image_place(p, {0, 0});
-  const double columns = p.vial->outer_mm / (p.pixel_x_um * 1e-3);
+  const double columns = p.vial->outside_mm() / (p.pixel_x_um * 1e-3);
   Window w;
   w.axis = at.column;
   w.middle = at.row;

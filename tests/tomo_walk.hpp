@@ -83,6 +83,18 @@ inline Walked walk(const TomoJob& job, const Bench& bench, int count) {
       from_row += spot.sigma_um / p.pixel_y_um * normal();
       break;
     }
+    if (const auto& picture = p.spread.picture) {
+      // One of its pixels by how bright it is, and a place in it.
+      double all = 0;
+      for (const std::uint8_t v : *picture->values) all += v;
+      picked = uniform() * all;
+      int k = 0;
+      while ((picked -= (*picture->values)[static_cast<std::size_t>(k)]) > 0) ++k;
+      const double right = k % picture->width_px - picture->width_px / 2 + uniform() - 0.5,
+                   down = k / picture->width_px - picture->height_px / 2 + uniform() - 0.5;
+      from_column -= right * picture->pitch_um / p.pixel_x_um;
+      from_row -= down * picture->pitch_um / p.pixel_y_um;
+    }
     const double pixel = std::round(from_column), of_row = std::round(from_row);
     if (pixel < 0 || pixel >= p.width_px || of_row < 0 || of_row >= p.height_px) continue;
     if (std::max(std::abs(from_column - pixel), std::abs(from_row - of_row)) > lit / 2) continue;

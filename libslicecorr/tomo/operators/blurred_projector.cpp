@@ -3,22 +3,19 @@
 
 #include "tomo/operators/blurred_projector.hpp"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 
 #include "base/kernels.hpp"
 #include "parallel/silent.hpp"
-#include "slicecorr/error.hpp"
+#include "tomo/operators/measured_blur.hpp"
 
 namespace slicecorr::tomo::detail {
 
 namespace {
 
-/// Variance of a box one pixel wide.
-constexpr double kBox = 1.0 / 12;
 /// Narrowest resolved variance of scatter, in voxels squared: below it Gaussians are mixed with sharp
 /// light.
 constexpr double kLeastScatter = 0.36;
@@ -52,13 +49,23 @@ double in_boxes(double variance) {
   return variance < kBox ? variance : variance < 2 * kBox ? kBox : 2 * kBox;
 }
 
-/// to[i] += sum over k of numbers[|k|] from[i + k], of `count` numbers `pitch` apart; light beyond
-/// them is dark.
+/// Numbers of a blur along an axis, of light from k pixels on.
+struct Taps {
+  const std::vector<float>& numbers;
+  bool even = true, back = false;
+  int reach = even ? static_cast<int>(numbers.size()) - 1 : static_cast<int>(numbers.size()) / 2;
+  float at(int k) const {
+    // Light that goes k pixels on comes from there.
+    const int i = even ? std::abs(k) : reach + (back ? k : -k);
+    return numbers[static_cast<std::size_t>(i)];
+  }
+};
+
+/// to[i] += sum over k of taps[k] from[i + k], of `rows` numbers; light beyond them is dark.
 SLICECORR_CLONES
-void add_row(const std::vector<float>& numbers, int rows, const float* from, float* to) {
-  const int reach = static_cast<int>(numbers.size()) - 1;
-  for (int k = -reach; k <= reach; ++k) {
-    const float number = numbers[static_cast<std::size_t>(std::abs(k))];
+void add_row(const Taps& taps, int rows, const float* from, float* to) {
+  for (int k = -taps.reach; k <= taps.reach; ++k) {
+    const float number = taps.at(k);
     const int first = std::max(0, -k), end = std::min(rows, rows - k);
     for (int r = first; r < end; ++r) to[r] += number * from[r + k];
   }
@@ -95,7 +102,7 @@ class BlurredProjector final : public Projector {
       const float* from = light;
       if (!blur.none()) {
         std::fill(blurred.begin(), blurred.end(), 0.0F);
-        add_frames(blur, light, blurred.data(), context);
+        add_frames(blur, light, blurred.data(), false, context);
         from = blurred.data();
       }
       projector->adjoint(block, from, of_term.data(), context);
@@ -113,19 +120,22 @@ class BlurredProjector final : public Projector {
       if (blur.none()) {
         for (std::size_t i = 0; i < pixels; ++i) light[i] += of_term[i];
       } else {
-        add_frames(blur, of_term.data(), light, context);
+        add_frames(blur, of_term.data(), light, true, context);
       }
     }
   }
 
  private:
-  void add_frames(const ImageBlur& blur, const float* from, float* to,
+  void add_frames(const ImageBlur& blur, const float* from, float* to, bool back,
                   const ExecutionContext& context) const {
     const auto lanes = static_cast<std::size_t>(grid_.light_lanes());
     const FrameShape frame{grid_.pixels, grid_.rows, lanes};
     const std::size_t size = static_cast<std::size_t>(grid_.pixels) * lanes;
     parallel_for(slicecorr::detail::silent(context), "", static_cast<std::size_t>(grid_.angles),
-                 [&](std::size_t m) { add_blurred(blur, frame, from + m * size, to + m * size); });
+                 [&](std::size_t m) {
+                   (back ? add_blurred_back : add_blurred)(blur, frame, from + m * size,
+                                                           to + m * size);
+                 });
   }
 
   TomoGrid grid_;
@@ -142,11 +152,10 @@ std::vector<BlurredLight> blurred_light(const Printer& printer, const Resin& res
                                         const BlurPlaces& places) {
   const PixelProfile across{places.wide == 1 ? std::sqrt(printer.fill_factor) : 1, 0},
       up{places.high == 1 ? std::sqrt(printer.fill_factor) : 1, 0};
+  std::optional<MeasuredBlur> measured;
   if (printer.spread.picture) {
-    throw InputError(fmt::format(
-        "printer '{}': spread in [blue] is a picture, which is not counted where light comes from "
-        "the sides; expected Gaussians, [[sigma_um, weight], ...]",
-        printer.name));
+    measured = measured_blur(*printer.spread.picture, 1e-3 * printer.pixel_x_um * places.wide,
+                             1e-3 * printer.pixel_y_um * places.high);
   }
   std::vector<SpreadGaussian> gaussians = printer.spread.gaussians;
   if (gaussians.empty()) gaussians.push_back({0, 1});
@@ -163,9 +172,11 @@ std::vector<BlurredLight> blurred_light(const Printer& printer, const Resin& res
     for (const SpreadGaussian& g : gaussians) {
       const auto square = [](double v) { return v * v; };
       const double columns = square(g.sigma_um / (printer.pixel_x_um * places.wide)) +
-                             scattered[i] * square(places.columns_per_mm),
+                             scattered[i] * square(places.columns_per_mm) +
+                             (measured ? measured->columns_left : 0),
                    rows = square(g.sigma_um / (printer.pixel_y_um * places.high)) +
-                          scattered[i] * square(places.rows_per_mm);
+                          scattered[i] * square(places.rows_per_mm) +
+                          (measured ? measured->rows_left : 0);
       BlurredLight one{across, up, depth, {}};
       one.across.soft = std::sqrt(in_boxes(columns) / kBox);
       one.up.soft = std::sqrt(in_boxes(rows) / kBox);
@@ -175,13 +186,21 @@ std::vector<BlurredLight> blurred_light(const Printer& printer, const Resin& res
                t.up.soft == one.up.soft;
       });
       BlurredLight& term = same == terms.end() ? terms.emplace_back(std::move(one)) : *same;
-      term.blur.sum.push_back({g.weight / weights, numbers_of(columns - in_boxes(columns)),
-                               numbers_of(rows - in_boxes(rows))});
+      ImageBlur::Gaussian sum{g.weight / weights, numbers_of(columns - in_boxes(columns)),
+                              numbers_of(rows - in_boxes(rows))};
+      if (measured) {
+        for (const auto& [along, up_along] : measured->products) {
+          term.blur.sum.push_back(
+              {1, widened(along, sum.columns), widened(up_along, sum.rows), false});
+        }
+      } else {
+        term.blur.sum.push_back(std::move(sum));
+      }
     }
   }
   for (BlurredLight& term : terms) {
     const ImageBlur::Gaussian& first = term.blur.sum.front();
-    if (term.blur.sum.size() == 1 && first.weight == 1 && first.columns.size() == 1 &&
+    if (term.blur.sum.size() == 1 && first.even && first.weight == 1 && first.columns.size() == 1 &&
         first.rows.size() == 1) {
       term.blur.sum.clear();
     }
@@ -191,6 +210,9 @@ std::vector<BlurredLight> blurred_light(const Printer& printer, const Resin& res
 
 SpreadReach reach_of_spread(const Printer& printer) {
   double most_um = 0;
+  if (const auto& picture = printer.spread.picture) {
+    most_um = 0.5 * picture->pitch_um * std::max(picture->width_px, picture->height_px);
+  }
   for (const SpreadGaussian& g : printer.spread.gaussians) {
     if (g.weight > 0) most_um = std::max(most_um, kSpreadReachSigmas * g.sigma_um);
   }
@@ -199,7 +221,10 @@ SpreadReach reach_of_spread(const Printer& printer) {
           static_cast<int>(std::ceil(most_um / printer.pixel_y_um)) + 1};
 }
 
-void add_blurred(const ImageBlur& blur, const FrameShape& frame, const float* from, float* to) {
+namespace {
+
+void add_blurred_either(const ImageBlur& blur, const FrameShape& frame, bool back,
+                        const float* from, float* to) {
   static thread_local Array<float> rows;
   rows.resize(static_cast<std::size_t>(frame.columns) * static_cast<std::size_t>(frame.rows));
   const auto of = [&](int c) { return static_cast<std::size_t>(c) * frame.pitch; };
@@ -209,18 +234,28 @@ void add_blurred(const ImageBlur& blur, const FrameShape& frame, const float* fr
   for (const ImageBlur::Gaussian& g : blur.sum) {
     std::fill(rows.begin(), rows.end(), 0.0F);
     for (int c = 0; c < frame.columns; ++c) {
-      add_row(g.rows, frame.rows, from + of(c), row(c));
+      add_row({g.rows, g.even, back}, frame.rows, from + of(c), row(c));
     }
-    const int reach = static_cast<int>(g.columns.size()) - 1;
+    const Taps columns{g.columns, g.even, back};
+    const int reach = columns.reach;
     for (int c = 0; c < frame.columns; ++c) {
       const int first = std::max(-reach, -c), last = std::min(reach, frame.columns - 1 - c);
       for (int k = first; k <= last; ++k) {
-        const float number =
-            static_cast<float>(g.weight) * g.columns[static_cast<std::size_t>(std::abs(k))];
+        const float number = static_cast<float>(g.weight) * columns.at(k);
         add_times(number, frame.rows, row(c + k), to + of(c));
       }
     }
   }
+}
+
+}  // namespace
+
+void add_blurred(const ImageBlur& blur, const FrameShape& frame, const float* from, float* to) {
+  add_blurred_either(blur, frame, false, from, to);
+}
+void add_blurred_back(const ImageBlur& blur, const FrameShape& frame, const float* from,
+                      float* to) {
+  add_blurred_either(blur, frame, true, from, to);
 }
 
 std::unique_ptr<Projector> make_blurred_projector(const TomoGrid& grid,

@@ -26,8 +26,7 @@ struct BlurPlaces {
 
 /// Whether light of these goes sideways at all.
 bool light_goes_sideways(const Printer& printer, const Resin& resin);
-/// The terms of light of these; one, sharp, where it goes straight on. Throws `InputError` for a
-/// measured picture of the spread.
+/// The terms of light of these; one, sharp, where it goes straight on.
 std::vector<BlurredLight> blurred_light(const Printer& printer, const Resin& resin,
                                         const BlurPlaces& places);
 /// How far the printer's own spread reaches on the image, pixels across and up.
@@ -41,8 +40,10 @@ struct FrameShape {
   int columns = 0, rows = 0;
   std::size_t pitch = 0;
 };
-/// to += the blurred frame; even, so its own transpose.
+/// to += the blurred frame.
 void add_blurred(const ImageBlur& blur, const FrameShape& frame, const float* from, float* to);
+/// The same by the transpose.
+void add_blurred_back(const ImageBlur& blur, const FrameShape& frame, const float* from, float* to);
 
 /// The sum of projectors of this grid, each with its blur before it.
 using BlurredTerm = std::pair<ImageBlur, std::shared_ptr<const Projector>>;

@@ -219,6 +219,30 @@ TEST_F(TomoConvert, WhatDoesNotFitIsRefusedByName) {
   EXPECT_THAT(refused(sequence(), printer, {}, 0.1), HasSubstr("0.25 mm high"));
 }
 
+/// A line of light before a pinhole: its row lights the slice in the middle of three, and no light is looked for.
+TEST_F(TomoConvert, ImagesOfOneRowAreJudged) {
+  Printer line = bench_printer();
+  line.height_px = 1;
+  line.optics->kind = OpticsKind::pinhole;
+  line.optics->distance_mm = 60;
+  fs::create_directories(path("images"));
+  for (int f = 0; f < 24; ++f) replace(fmt::format("image_{}.png", f), 48, 1, 200);
+  const TomoJob job = job_of_images(sequence(), line, bench_resin(), {}, 0.25);
+  ASSERT_EQ(job.sampling.slices, 3);
+  const Box<float> dose = dose_of(job);
+  const int c = dose.nx / 2;
+  const double low = dose.values[dose.at(0, c, c)], middle = dose.values[dose.at(1, c, c)],
+               high = dose.values[dose.at(2, c, c)];
+  EXPECT_GT(middle, 10 * low);
+  EXPECT_NEAR(low / high, 1, 1e-3);
+  try {
+    check_print(square_part(), 0.25, line, bench_resin());
+    ADD_FAILURE();
+  } catch (const InputError& e) {
+    EXPECT_THAT(e.what(), HasSubstr("has one row"));
+  }
+}
+
 TEST_F(TomoConvert, RowsThatRepeatMakeCoarserVoxels) {
   // Each slice of 0.5 mm is two rows of 0.25 mm.
   TomoJob job;

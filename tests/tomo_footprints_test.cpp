@@ -159,6 +159,30 @@ TEST(TomoFootprints, RaysAgreeOnLightOfAPoint) {
   }
 }
 
+/// An image of one row, as a line of light.
+TEST(TomoFootprints, RaysAgreeOnAnImageOfOneRow) {
+  Printer p = small_printer(false, 0.25);
+  p.height_px = 1;
+  p.calibration = {{0, 0.1}, {255, 2}};
+  p.optics->kind = OpticsKind::pinhole;
+  p.optics->distance_mm = 30;
+  std::mt19937 random(10);
+  expect_rays_agree(p, 0.25, 3, 18, [&](int, int, int) { return random() % 2 * 255; });
+}
+
+/// A double-walled vial with air between its walls, and one that is filled with water; level light and light of a
+/// point.
+TEST(TomoFootprints, RaysAgreeThroughTwoWalls) {
+  for (const double n_between : {1.0, 1.33}) {
+    Printer p = small_printer(true, 0.25);
+    p.vial = Vial{1.8, 1.6, 1.0, 1.48, 2.2, 2.0, n_between, 1.48};
+    p.optics->kind = n_between > 1 ? OpticsKind::pinhole : OpticsKind::telecentric;
+    p.optics->distance_mm = 30;
+    std::mt19937 random(9);
+    expect_rays_agree(p, 0.25, 4, 18, [&](int, int, int) { return random() % 2 * 255; });
+  }
+}
+
 /// Greatest t with A x >= t in the part and A x <= 1 in void, x >= 0: the most contrast that light can have. The simplex
 /// method in its plainest form; `a` is [row][column], rows of the part first.
 double most_contrast(const std::vector<std::vector<double>>& part,
@@ -269,6 +293,64 @@ TEST(TomoFootprints, BoundsHoldForAllLightOfAPoint) {
     RecordProperty("bound", std::to_string(print.figures.contrast_bound));
     RecordProperty("found", std::to_string(print.figures.metrics.contrast));
   }
+}
+
+/// The same of doses that are wanted: two of them side by side, to 10 %, in light of a point. The linear programme asks
+/// for D >= t L and D <= U.
+TEST(TomoFootprints, BoundsOfSlackHoldForAllLight) {
+  Printer p = small_printer(false, 0.47);
+  p.optics->kind = OpticsKind::pinhole;
+  p.optics->distance_mm = 60;
+  const Resin resin = bench_resin(0.5);
+  const Bench bench = make_bench(p, resin, {0.5, 3, 6});
+  const TomoGrid& g = bench.grid;
+  constexpr double gels = 20;
+  const auto count = static_cast<std::size_t>(3 * g.voxels * g.voxels);
+  WantedValues values{{3, g.voxels, g.voxels, std::vector<float>(count)}, {1, 1, 1, {3}}, {}};
+  const int c = g.voxels / 2;
+  for (int z = 0; z < 2; ++z) {
+    for (int k = -1; k <= 1; ++k) {
+      values.wanted.values[values.wanted.at(z, c, c + k)] = k == 0 ? 32 : 26;
+    }
+  }
+  const DoseBands wanted = wanted_doses(values, {}, gels);
+  const Box<std::uint8_t> part = part_of(wanted, gels);
+  Volume volume(g);
+  for (int z = 0; z < 3; ++z) {
+    for (int y = 0; y < g.voxels; ++y) {
+      for (int x = 0; x < g.voxels; ++x) {
+        volume.coverage[g.voxel(x, y, z)] = part.values[part.at(z, y, x)];
+      }
+    }
+  }
+  const Target target(volume);
+  std::vector<std::vector<double>> least = weights_on(bench, target, Kind::gel),
+                                   most = weights_on(bench, target, Kind::empty);
+  // Voxels lie [y][x][slice], as rows of weights do.
+  std::size_t row = 0;
+  for (int x = c - 1; x <= c + 1; ++x) {
+    for (int z = 0; z < 2; ++z) {
+      const std::size_t v = part.at(z, c, x);
+      std::vector<double> high = least[row];
+      for (double& w : high) w *= gels / wanted.most.values[v];
+      for (double& w : least[row]) w *= gels / wanted.least.values[v];
+      most.push_back(std::move(high));
+      ++row;
+    }
+  }
+  ASSERT_EQ(row, least.size());
+  const double best = most_contrast(least, most);
+  PrintOptions options;
+  options.angles = 6;
+  options.wanted = wanted;
+  const Print print = solve_print(part, 0.5, p, resin, options);
+  const WantedFigures& figures = *print.figures.wanted;
+  EXPECT_GE(figures.slack_bound, best * (1 - 1e-4));
+  EXPECT_LE(figures.slack, best * 1.03);
+  EXPECT_GE(figures.slack, best * 0.7);
+  RecordProperty("best", std::to_string(best));
+  RecordProperty("bound", std::to_string(figures.slack_bound));
+  RecordProperty("found", std::to_string(figures.slack));
 }
 
 /// The least part: a slice of gel between two of void, lit by two rows of 0.28 mm. On the axis void gets

@@ -488,6 +488,94 @@ TEST(TomoPrint, FewLevelsAreRoundedTheBetterWay) {
   EXPECT_GT(fine.figures.metrics.contrast, print.figures.metrics.contrast);
 }
 
+/// Each angle's frame shown three times is that frame: doses are the same, level and from a point.
+TEST(TomoPrint, HeldFramesBringTheSameDose) {
+  for (const bool point : {false, true}) {
+    Printer printer = bench_printer();
+    if (point) {
+      printer.optics->kind = OpticsKind::pinhole;
+      printer.optics->distance_mm = 60;
+    }
+    TomoJob once;
+    once.printer = printer;
+    once.resin = bench_resin();
+    once.sampling = {0.25, 2, 30};
+    TomoJob held = once;
+    held.sampling.angles = 90;
+    const TomoGrid a = make_bench(printer, once.resin, once.sampling).grid,
+                   b = make_bench(printer, once.resin, held.sampling).grid;
+    once.levels.assign(a.blocks() * a.light_of_block(), 0);
+    held.levels.assign(b.blocks() * b.light_of_block(), 0);
+    std::mt19937 random(3);
+    for (int m = 0; m < 30; ++m) {
+      for (int i = 0; i < a.pixels; ++i) {
+        for (int r = 0; r < a.light_rows(); ++r) {
+          const auto level = static_cast<std::uint16_t>(random() % 256);
+          once.levels[a.pixel(m, i, r)] = level;
+          for (int k = -1; k <= 1; ++k) held.levels[b.pixel((3 * m + k + 90) % 90, i, r)] = level;
+        }
+      }
+    }
+    const Box<float> one = dose_of(once), three = dose_of(held);
+    double squares = 0, sum = 0, sum_held = 0;
+    for (std::size_t i = 0; i < one.values.size(); ++i) {
+      squares += std::pow(one.values[i] - three.values[i], 2);
+      sum += one.values[i];
+      sum_held += three.values[i];
+    }
+    // A weight is right to 1 % of the largest; steps are cut into other cells, each with its own errors.
+    EXPECT_LT(std::sqrt(squares / static_cast<double>(one.values.size())), 0.01 * largest(one));
+    EXPECT_NEAR(sum_held / sum, 1, 0.002);
+  }
+}
+
+/// A projector thirty times as bright shows a few levels: frames that are held have contrast that they lose.
+TEST(TomoPrint, HeldFramesMakeUpForFewLevels) {
+  Printer bright = bench_printer();
+  bright.calibration = {{0, 0.002}, {255, 120.0}};
+  PrintOptions options;
+  options.angles = 60;
+  options.solve.rungs = {0.9, 0.7};
+  const auto contrast = [&](const Printer& printer, int hold) {
+    options.hold = hold;
+    const Print print = solve_print(square_part(), 0.25, printer, bench_resin(), options);
+    EXPECT_EQ(print.job.sampling.angles, 60 * std::max(1, hold));
+    EXPECT_TRUE(print.figures.feasible());
+    return print.figures.metrics.contrast;
+  };
+  const double fine = contrast(bench_printer(), 1), once = contrast(bright, 1),
+               held = contrast(bright, 9);
+  EXPECT_LT(once, 0.98 * fine);
+  EXPECT_GT(held, once + 0.5 * (fine - once));
+  // Where the number of angles is free, frames are held unasked.
+  options.angles = options.hold = 0;
+  std::string told;
+  ExecutionContext context;
+  context.notice = [&](std::string_view text) { told += std::string(text) + "\n"; };
+  const Print print = solve_print(square_part(), 0.25, bright, bench_resin(), options, context);
+  EXPECT_THAT(told, HasSubstr("is held as"));
+  EXPECT_EQ(print.job.sampling.angles % 3, 0);
+}
+
+TEST(TomoPrint, FramesThatCanNotBeHeldAreRefused) {
+  const auto refused = [](Printer printer, int hold, const std::string& text) {
+    PrintOptions options;
+    options.angles = 60;
+    options.hold = hold;
+    try {
+      check_print(square_part(), 0.25, printer, bench_resin(), options);
+      ADD_FAILURE() << text;
+    } catch (const InputError& e) {
+      EXPECT_THAT(e.what(), HasSubstr(text));
+    }
+  };
+  refused(bench_printer(), 4, "expected an odd number");
+  refused(bench_printer(), 15, "expected at most 864 in a turn");
+  Printer wobbling = bench_printer();
+  wobbling.rotation->wobble = {{0, 0.5, 0}, {180, -0.5, 0}};
+  refused(wobbling, 3, "wobbles");
+}
+
 TEST(TomoPrint, WhatCanNotBePrintedIsToldByName) {
   const auto told = [](const Box<std::uint8_t>& part, const Printer& printer, const Resin& resin,
                        const char* kind) {

@@ -11,6 +11,9 @@
 
 #include "programs/common/program.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/tomo/read_wanted.hpp"
+#include "slicecorr/vial.hpp"
+#include "support/text/csv.hpp"
 
 namespace slicecorr::cli {
 
@@ -174,6 +177,11 @@ void TomoPrintOptions::add_to(CLI::App& app) {
 }
 
 void TomoPrintOptions::add_numbers_to(CLI::App& app) {
+  app.add_option(
+         "--hold", hold,
+         "Frames in which each angle's light is shown, by levels that make up for each other: 1, "
+         "3, 5 .. [as many as gain contrast where few levels are used]")
+      ->check(CLI::Range(1, 999));
   app.add_option("--k0", k0,
                  "Window kelly: where it is 1/e, as a share of the highest frequency [0.5]")
       ->check(number_in(1e-3, 100));
@@ -206,8 +214,75 @@ double TomoPrintOptions::side_of_voxel_mm(const Printer& printer) const {
   return mesh.layer_um > 0 ? mesh.layer_um * 1e-3 : printer.pixel_y_um * 1e-3;
 }
 
-TomoPrint read_tomo_print(const TomoPrintOptions& o, const Printer& printer,
-                          const ExecutionContext& context) {
+void TomoPrintOptions::add_wanted_to(CLI::App& app) {
+  app.add_option(
+      "--wanted", wanted,
+      "Doses in place of a part, mJ/cm³ for each voxel, 0 void: .npy, or a folder or zip of grey "
+      "PNG images, the lowest slice first");
+  app.add_option("--white", white, "What white in images of --wanted and --tolerance stands for")
+      ->check(number_above_zero());
+  app.add_option("--tolerance", tolerance,
+                 "By how much wanted doses may be missed: a number, or numbers as with --wanted");
+  app.add_option("--weights", weights,
+                 "How much a voxel's miss counts (.npy); 0: it is not judged [1]");
+  app.add_option("--conversion-curve", conversion_curve,
+                 "Wanted are conversions, reached at the doses of this table (.csv: dose_mj_cm3, "
+                 "conversion)");
+}
+
+namespace {
+
+void check_wanted_options(const TomoPrintOptions& o) {
+  if (o.wanted.empty()) {
+    if (o.tolerance.empty() && o.weights.empty() && o.conversion_curve.empty() && o.white == 0) {
+      return;
+    }
+    throw InputError(
+        "--tolerance, --weights, --white and --conversion-curve are of wanted doses; expected "
+        "--wanted with them");
+  }
+  if (!o.mesh.parts.empty() || !o.volume.empty()) {
+    throw InputError("--wanted says what is printed; expected no mesh and no --volume with it");
+  }
+  if (o.tolerance.empty()) {
+    throw InputError("--wanted does not say by how much doses may be missed; expected --tolerance");
+  }
+  if (o.voxel_mm <= 0) {
+    throw InputError("--wanted does not say how large its voxels are; expected --voxel-mm");
+  }
+  if (!o.inserts.empty()) {
+    throw InputError("--insert is beside a part; expected no --insert with --wanted");
+  }
+  if (!o.at_mm.empty()) {
+    throw InputError("--at-mm places parts; expected wanted doses that lie where they are wanted");
+  }
+}
+
+/// What is wanted as doses on the grid of the vial.
+tomo::DoseBands read_wanted_doses(const TomoPrintOptions& o, const Printer& printer,
+                                  double gel_mj_cm3, const ExecutionContext& context) {
+  tomo::WantedValues values;
+  values.wanted = tomo::read_numbers(o.wanted, o.white, context);
+  if (const auto number = number_in_text(o.tolerance)) {
+    values.tolerance = {1, 1, 1, {static_cast<float>(*number)}};
+  } else {
+    values.tolerance = tomo::read_numbers(o.tolerance, o.white, context);
+  }
+  if (!o.weights.empty()) values.weight = tomo::read_numbers(o.weights, 0, context);
+  std::vector<tomo::CurvePoint> curve;
+  if (!o.conversion_curve.empty()) curve = tomo::read_conversion_curve(o.conversion_curve);
+  tomo::DoseBands doses = tomo::wanted_doses(values, curve, gel_mj_cm3);
+  const auto place = [&](Box<float>& box, float around) {
+    if (!box.values.empty()) box = tomo::placed(box, printer, o.voxel_mm, around);
+  };
+  place(doses.least, 0);
+  place(doses.most, static_cast<float>(gel_mj_cm3));
+  place(doses.weight, 1);
+  return doses;
+}
+
+/// All but what is printed. Throws `InputError` for options of another method.
+TomoPrint with_numbers(const TomoPrintOptions& o) {
   if ((o.clip_sigma > 0 || o.stop_error > 0) && o.method != "osmo") {
     throw InputError("--clip-sigma and --stop-error are of OSMO; expected --method osmo with them");
   }
@@ -218,12 +293,6 @@ TomoPrint read_tomo_print(const TomoPrintOptions& o, const Printer& printer,
     throw InputError("--k0 is of Kelly's window; expected --window kelly with it");
   }
   TomoPrint print;
-  print.voxel_mm = o.side_of_voxel_mm(printer);
-  Voxels voxels = o.volume.empty() ? voxels_of_meshes(o, printer, print.voxel_mm, context)
-                                   : voxels_of_volumes(o, printer, print.voxel_mm);
-  print.part = std::move(voxels.part);
-  print.options.insert = std::move(voxels.insert);
-  print.options.middle_z_mm = voxels.middle_z_mm;
   print.options.solve.method = tomo::method_named(o.method);
   print.options.solve.window = tomo::window_named(o.window);
   if (o.k0 > 0) print.options.solve.window.k0 = o.k0;
@@ -234,7 +303,35 @@ TomoPrint read_tomo_print(const TomoPrintOptions& o, const Printer& printer,
   print.options.solve.stop_error = o.stop_error;
   print.options.angles = o.angles;
   print.options.most_time_s = o.most_time_s;
+  print.options.hold = o.hold;
   print.options.beyond_reach = o.beyond_reach;
+  return print;
+}
+
+}  // namespace
+
+TomoPrint read_tomo_print(const TomoPrintOptions& o, const Printer& printer,
+                          const ExecutionContext& context) {
+  check_wanted_options(o);
+  TomoPrint print = with_numbers(o);
+  print.voxel_mm = o.side_of_voxel_mm(printer);
+  Voxels voxels = o.volume.empty() ? voxels_of_meshes(o, printer, print.voxel_mm, context)
+                                   : voxels_of_volumes(o, printer, print.voxel_mm);
+  print.part = std::move(voxels.part);
+  print.options.insert = std::move(voxels.insert);
+  print.options.middle_z_mm = voxels.middle_z_mm;
+  return print;
+}
+
+TomoPrint read_wanted_print(const TomoPrintOptions& o, const Printer& printer, const Resin& resin,
+                            const ExecutionContext& context) {
+  check_wanted_options(o);
+  TomoPrint print = with_numbers(o);
+  print.voxel_mm = o.voxel_mm;
+  const double gel_mj_cm3 = dose_to_gel_mj_cm3(resin);
+  print.options.wanted = read_wanted_doses(o, printer, gel_mj_cm3, context);
+  print.part = tomo::part_of(print.options.wanted, gel_mj_cm3);
+  if (o.base_on_axis) print.options.middle_z_mm = 0.5 * print.part.nz * o.voxel_mm;
   return print;
 }
 

@@ -29,6 +29,11 @@ struct TomoPrintOptions {
   double k0 = 0, osmo_low = 0, osmo_high = 0;  ///< 0: the usual ones
   std::vector<double> at_mm;                   ///< x, y, z of each part, or none
   bool base_on_axis = false;
+  int hold = 0;  ///< frames of each angle; 0: the usual ones
+  /// Doses that are wanted: of each voxel, off by how much, with which weight.
+  std::string wanted, weights, conversion_curve;
+  std::string tolerance;  ///< a number, or numbers
+  double white = 0;       ///< what white in images stands for; 0: none
 
   /// All but parts, volume, placement, and what follows.
   void add_to(CLI::App& app);
@@ -36,6 +41,8 @@ struct TomoPrintOptions {
   void add_places_to(CLI::App& app);
   /// Numbers of OSMO and of filters.
   void add_numbers_to(CLI::App& app);
+  /// Doses that are wanted in place of a part.
+  void add_wanted_to(CLI::App& app);
   /// Throws `InputError` for a volume whose voxels have no size.
   double side_of_voxel_mm(const Printer& printer) const;
 };
@@ -51,5 +58,8 @@ struct TomoPrint {
 /// another method.
 TomoPrint read_tomo_print(const TomoPrintOptions& options, const Printer& printer,
                           const ExecutionContext& context);
+/// The same of doses that are wanted (`TomoPrintOptions::wanted`) in this resin.
+TomoPrint read_wanted_print(const TomoPrintOptions& options, const Printer& printer,
+                            const Resin& resin, const ExecutionContext& context);
 
 }  // namespace slicecorr::cli

@@ -7,7 +7,6 @@
 
 #include <cmath>
 #include <filesystem>
-#include <nlohmann/json.hpp>
 #include <optional>
 #include <utility>
 
@@ -16,7 +15,6 @@
 #include "slicecorr/same_light.hpp"
 #include "slicecorr/tomo/print.hpp"
 #include "slicecorr/tomo/shown.hpp"
-#include "slicecorr/tomo/surface.hpp"
 
 namespace slicecorr::cli {
 
@@ -48,44 +46,50 @@ std::string in_words(const PrintFigures& f) {
         "in their middles",
         100 * f.gel_below_dose, 100 * *f.gel_centres_below_dose);
   }
+  if (f.surface.voxels > 0) {
+    text += fmt::format("\nsurface: {} voxels, {:+.3g} um in the mean, {:.3g} um rms",
+                        f.surface.voxels, f.surface.mean_um, f.surface.rms_um);
+  }
+  if (f.wanted) {
+    const tomo::WantedFigures& w = *f.wanted;
+    text += fmt::format("\nwanted doses: {} of {} voxels within, slack {:.4g}{}", w.within,
+                        w.voxels, w.slack,
+                        std::isfinite(w.slack_bound)
+                            ? fmt::format(" (no light has more than {:.4g})", w.slack_bound)
+                            : std::string());
+    if (!w.all()) {
+      text += fmt::format(
+          "\n{:.4g} % within by weight; off by {:.3g} mJ/cm³ rms, {:+.3g} at worst, in voxel {}, {}, {}",
+          100 * w.share_within, w.rms_off_mj_cm3, w.worst_off_mj_cm3, w.worst[0], w.worst[1],
+          w.worst[2]);
+    }
+  }
   return text + "\n";
 }
 
-/// The figures, an object, with those of the surface behind them.
-std::string with_surface(std::string json, const tomo::SurfaceFigures& surface) {
-  if (surface.voxels == 0) return json;
-  const nlohmann::ordered_json j = {
-      {"voxels", surface.voxels}, {"mean_um", surface.mean_um}, {"rms_um", surface.rms_um}};
-  json.erase(json.find_last_not_of(" \n", json.rfind('}') - 1) + 1);
-  return json + ",\n  \"surface\": " + j.dump() + "\n}";
-}
-
-int tell(const PrintFigures& figures, const std::string& json, Console& console,
-         const tomo::SurfaceFigures& surface = {}) {
-  std::string words = in_words(figures);
-  if (surface.voxels > 0) {
-    words += fmt::format("surface: {} voxels, {:+.3g} um in the mean, {:.3g} um rms\n",
-                         surface.voxels, surface.mean_um, surface.rms_um);
-  }
+int tell(const PrintFigures& figures, const std::string& json, Console& console) {
+  const std::string words = in_words(figures);
   if (json.empty()) {
     print_result(words);
   } else {
-    print_or_write(json, with_surface(figures.to_json(), surface));
+    print_or_write(json, figures.to_json());
     console.say(words);
   }
   return figures.feasible() ? kDone : kMissed;
 }
 
 int solve(const TomoOptions& o, const ExecutionContext& context, Console& console) {
-  if (o.volume.empty() == o.mesh.parts.empty()) {
-    throw InputError("expected meshes, or a volume (--volume)");
+  if (o.wanted.empty() && o.volume.empty() == o.mesh.parts.empty()) {
+    throw InputError("expected meshes, or a volume (--volume), or wanted doses (--wanted)");
   }
   if (!o.mesh.center_mm.empty()) {
     throw InputError("--center-mm has no place here: parts are middled on the axis");
   }
   std::vector<std::string> inputs = o.mesh.parts;
   inputs.insert(inputs.end(), o.inserts.begin(), o.inserts.end());
-  if (!o.volume.empty()) inputs.push_back(o.volume);
+  for (const std::string& file : {o.volume, o.wanted, o.tolerance, o.weights, o.conversion_curve}) {
+    if (!file.empty()) inputs.push_back(file);
+  }
   check_output(o.output, inputs);
   check_output(o.json, inputs);
   const std::string picture = o.picture.empty() ? o.output + ".infeasible.png" : o.picture;
@@ -95,14 +99,15 @@ int solve(const TomoOptions& o, const ExecutionContext& context, Console& consol
   const Printer printer = load_printer(o.printer);
   const Resin resin = load_resin(o.resin);
   for (const std::string& text : o.light.checked(printer, resin)) context.tell(text);
-  TomoPrint wanted = read_tomo_print(o, printer, context);
+  TomoPrint wanted = o.wanted.empty() ? read_tomo_print(o, printer, context)
+                                      : read_wanted_print(o, printer, resin, context);
   tomo::PrintOptions& options = wanted.options;
   options.checkpoint = o.output + ".resume";
   options.checkpoint_s = o.checkpoint_s;
   options.resume = o.resume;
   std::string shown;
   options.evidence = [&](const tomo::Evidence& evidence) {
-    const std::string part = o.volume.empty() ? o.mesh.parts.front() : o.volume;
+    const std::string part = !o.mesh.parts.empty() ? o.mesh.parts.front() : o.volume;
     shown = "; " + picture_of(evidence, std::filesystem::path(part).filename().string(), picture);
   };
   const auto forget = [&] {
@@ -169,9 +174,7 @@ int verify(const TomoOptions& o, const ExecutionContext& context, Console& conso
   PrintFigures figures = tomo::figures_of(job, dose, part, context);
   figures.gel_centres_below_dose =
       tomo::share_below_gel(job, dose_at(tomo::JudgedAt::centres), part);
-  return tell(
-      figures, o.json, console,
-      tomo::surface_of(dose, part, job.insert, job.sampling.voxel_mm, figures.gel_dose_mj_cm3));
+  return tell(figures, o.json, console);
 }
 
 }  // namespace
@@ -200,6 +203,7 @@ void add_tomo(Program& program, TomoOptions& o) {
   sub->add_option("-o,--output", o.output, "File of the job to write (.frames)")->required();
   o.add_to(*sub);
   o.add_places_to(*sub);
+  o.add_wanted_to(*sub);
   o.add_numbers_to(*sub);
   sub->add_flag("--resume", o.resume,
                 "Go on from what a solve that was stopped left in OUTPUT.resume, if it is there");

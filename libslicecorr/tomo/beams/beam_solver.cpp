@@ -198,7 +198,7 @@ class Grey {
   void prove(GreyImages& found) {
     const float rung = 0.9F;
     Array<float> light = best_, dose(projector_.shape().field());
-    solve_block(projector_, 0, target_.kinds.data(),
+    solve_block(projector_, 0, detail::BlockCells(target_, 0),
                 {.rung = rung, .most_dose = kNone, .cap = kNone}, 2 * kProofSteps, 5, false,
                 context_, light.data(), dose.data());
     const std::vector<double> proven =

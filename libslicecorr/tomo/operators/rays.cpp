@@ -57,8 +57,10 @@ LabRays lab_rays(const Printer& printer, double n_resin, double alpha_per_mm,
   require_tomographic(printer);
   const Vial& vial = *printer.vial;
   const Optics& optics = *printer.optics;
+  // Beside an image of one row there is a dark one.
+  const int least_row = printer.height_px > 1 ? 0 : -1;
   if (window.wide < 1 || window.high < 1 || window.columns < 1 || window.rows < 1 ||
-      window.first_column < 0 || window.first_row < 0 ||
+      window.first_column < 0 || window.first_row < least_row ||
       window.first_column + window.columns * window.wide > printer.width_px ||
       window.first_row + window.rows * window.high > printer.height_px) {
     throw InputError("printer '" + printer.name + "': the window of pixels reaches over its image");

@@ -4,6 +4,7 @@
 #include "tomo/operators/spread_projector.hpp"
 
 #include <algorithm>
+#include <limits>
 #include <utility>
 
 #include "parallel/silent.hpp"
@@ -157,11 +158,22 @@ Target spread_target(const Target& target) {
   Target spread = target;
   spread.grid = spread_grid(target.grid);
   if (spread.grid == target.grid) return spread;
-  spread.kinds.assign(spread.grid.blocks() * spread.grid.voxels_of_block(), Kind::neither);
+  const std::size_t numbers = spread.grid.blocks() * spread.grid.voxels_of_block();
+  spread.kinds.assign(numbers, Kind::neither);
+  const auto prepare = [&](Array<float>& of, float outside) {
+    if (!of.empty()) of.assign(numbers, outside);
+  };
+  prepare(spread.least, 0);
+  prepare(spread.most, std::numeric_limits<float>::infinity());
+  prepare(spread.weight, 0);
   for (int z = 0; z < target.grid.slices; ++z) {
     for (int y = 0; y < target.grid.voxels; ++y) {
       for (int x = 0; x < target.grid.voxels; ++x) {
-        spread.kinds[spread.grid.voxel(x, y, z)] = target.kinds[target.grid.voxel(x, y, z)];
+        const std::size_t to = spread.grid.voxel(x, y, z), from = target.grid.voxel(x, y, z);
+        spread.kinds[to] = target.kinds[from];
+        if (!spread.least.empty()) spread.least[to] = target.least[from];
+        if (!spread.most.empty()) spread.most[to] = target.most[from];
+        if (!spread.weight.empty()) spread.weight[to] = target.weight[from];
       }
     }
   }

@@ -45,7 +45,8 @@ FramePlaces::FramePlaces(const Printer& printer, const TomoGrid& grid, const Pix
       up_px_.push_back(at.up_px);
     }
   }
-  if (printer.flat_field) take_light(printer, grid.angles);
+  // Rows beside the image show nothing.
+  if (printer.flat_field || (coupled_ && window.first_row < 0)) take_light(printer, grid.angles);
 }
 
 double FramePlaces::column_of(int m, double pixel, int slice) const {
@@ -106,7 +107,7 @@ void FramePlaces::take_light(const Printer& printer, int angles) {
   shown.to_display = Turn{};
   shown.orientation.reset();
   const LightMap map(printer, images, shown);
-  if (map.even()) return;
+  if (map.even() && window_.first_row >= 0) return;
   // Sideways, wobble moves the rows of a leaning axis by much less than one.
   std::map<std::pair<long, long>, std::size_t> known;
   const std::size_t of_shift =
@@ -125,7 +126,7 @@ void FramePlaces::take_light(const Printer& printer, int angles) {
         const std::size_t i =
             static_cast<std::size_t>(lit.pixel) * static_cast<std::size_t>(rows_) +
             static_cast<std::size_t>(lit.row);
-        sum[i] += map.factor(map.value(column, row));
+        sum[i] += map.even() ? 1 : map.factor(map.value(column, row));
         ++pixels[i];
       }
     }

@@ -6,6 +6,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
+#include <bit>
 #include <cmath>
 #include <limits>
 #include <memory>
@@ -20,6 +22,7 @@
 #include "stack/container/container_output.hpp"
 #include "stack/flat_field_entry.hpp"
 #include "stack/formats/definition_json.hpp"
+#include "stack/isa_l.hpp"
 #include "support/files/temporary.hpp"
 #include "support/json/read_json.hpp"
 #include "tomo/print/job_check.hpp"
@@ -144,6 +147,87 @@ void read_flat_field(const slicecorr::detail::Container& archive,
   }
 }
 
+constexpr const char* kWantedKey = "wanted";
+constexpr const char* kSlackBoundKey = "slack_bound";
+
+/// A box of wanted doses, and how its entry and key are named.
+struct WantedBox {
+  const char* name;
+  Box<float> DoseBands::*box;
+};
+constexpr std::array<WantedBox, 3> kWantedBoxes{
+    {{"least", &DoseBands::least}, {"most", &DoseBands::most}, {"weight", &DoseBands::weight}}};
+std::string wanted_entry(const WantedBox& box) { return fmt::format("wanted/{}.f32", box.name); }
+std::string wanted_crc_key(const WantedBox& box) { return fmt::format("{}_crc32", box.name); }
+
+/// Numbers of 32 bits, the least byte first.
+std::vector<std::uint8_t> bytes_of(const Box<float>& box) {
+  std::vector<std::uint8_t> bytes;
+  bytes.reserve(4 * box.values.size());
+  for (const float value : box.values) {
+    const auto bits = std::bit_cast<std::uint32_t>(value);
+    for (unsigned shift = 0; shift < 32; shift += 8) {
+      bytes.push_back(static_cast<std::uint8_t>(bits >> shift));
+    }
+  }
+  return bytes;
+}
+std::uint32_t crc32_of(const std::vector<std::uint8_t>& bytes) {
+  return isal::crc32(0, bytes.data(), bytes.size());
+}
+
+void add_wanted(slicecorr::detail::ContainerOutput& output, const DoseBands& wanted,
+                nlohmann::ordered_json& config) {
+  if (!wanted.any()) return;
+  nlohmann::ordered_json said = nlohmann::ordered_json::object();
+  for (const WantedBox& box : kWantedBoxes) {
+    if ((wanted.*box.box).values.empty()) continue;
+    std::vector<std::uint8_t> bytes = bytes_of(wanted.*box.box);
+    said[wanted_crc_key(box)] = crc32_of(bytes);
+    output.add(wanted_entry(box), std::move(bytes));
+  }
+  if (std::isfinite(wanted.slack_bound)) said[kSlackBoundKey] = wanted.slack_bound;
+  config[kWantedKey] = std::move(said);
+}
+
+DoseBands read_wanted(const slicecorr::detail::Container& archive, const TomoGrid& grid,
+                      const slicecorr::detail::JsonNode<nlohmann::json>& said) {
+  DoseBands wanted;
+  for (const WantedBox& box : kWantedBoxes) {
+    const bool may_lack = &box == &kWantedBoxes.back();
+    if (may_lack && !said.has(wanted_crc_key(box).c_str())) continue;
+    const std::string name = wanted_entry(box);
+    const slicecorr::detail::Container::Entry* const entry = archive.find(name);
+    if (entry == nullptr) throw InputError(archive.path(), name, "is missing");
+    Box<float> numbers{grid.slices, grid.voxels, grid.voxels, {}};
+    const std::size_t count = numbers.at(grid.slices, 0, 0);
+    std::vector<std::uint8_t> bytes;
+    archive.read(*entry, 4 * count, bytes);
+    if (bytes.size() != 4 * count) {
+      throw InputError(
+          archive.path(), name,
+          fmt::format("has {} bytes; expected {}, four a voxel", bytes.size(), 4 * count));
+    }
+    if (crc32_of(bytes) != said[wanted_crc_key(box).c_str()].whole(0, 0xffffffff)) {
+      throw InputError(archive.path(), name, "is not what the job was made with");
+    }
+    for (std::size_t i = 0; i < count; ++i) {
+      std::uint32_t bits = 0;
+      for (std::size_t k = 0; k < 4; ++k) bits |= std::uint32_t{bytes[4 * i + k]} << (8 * k);
+      const auto value = std::bit_cast<float>(bits);
+      if (!(value >= 0 && std::isfinite(value))) {
+        throw InputError(archive.path(), name, fmt::format("number {} is not one of 0 or more", i));
+      }
+      numbers.values.push_back(value);
+    }
+    wanted.*box.box = std::move(numbers);
+  }
+  if (said.has(kSlackBoundKey)) {
+    wanted.slack_bound = said[kSlackBoundKey].number(0, slicecorr::detail::JsonSource::kLargest);
+  }
+  return wanted;
+}
+
 /// What other programs read, against the printer and the bench.
 void check_said_twice(const slicecorr::detail::JsonNode<nlohmann::json>& config, const Bench& bench,
                       const TomoJob& job) {
@@ -221,6 +305,7 @@ void write_job(const std::string& path, const TomoJob& job, const ExecutionConte
   add_slices(*output, job.part, part_name, crc);
   if (!job.insert.values.empty()) add_slices(*output, job.insert, insert_name, crc);
   nlohmann::ordered_json config = config_of(bench, job);
+  add_wanted(*output, job.wanted, config);
   detail::add_checksums(config, crc.value());
   output->add_text(kConfig, config.dump(1) + "\n");
   output->finish(context);
@@ -295,6 +380,7 @@ TomoJob read_job(const std::string& path, const ExecutionContext& context) {
     if (config[kInsertKey].json() != true) config[kInsertKey].fail("true, or no such key");
     job.insert = slices_of(*archive, grid, insert_name, crc);
   }
+  if (config.has(kWantedKey)) job.wanted = read_wanted(*archive, grid, config[kWantedKey]);
   job.has_checksums = detail::check(config, crc.value(), path, context);
   return job;
 }

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "slicecorr/tomo/shown_light.hpp"
+#include "slicecorr/tomo/surface.hpp"
 
 namespace slicecorr::tomo {
 
@@ -83,6 +84,7 @@ PrintFigures judge(const TomoJob& job, const Bench& bench, const Target& target,
   f.metrics = measure(target, field.values);
   f.jaccard_at_dose = jaccard(target, field.values, f.gel_dose_mj_cm3);
   f.gel_below_dose = below_gel(target, field.values, f.gel_dose_mj_cm3);
+  if (job.wanted.any()) f.wanted = judge_wanted(dose, job.wanted, job.insert);
   f.efficiency = efficiency(shown_light(bench, job.levels));
   f.alpha_r = bench.alpha_r;
   f.floor_mj_cm3 =
@@ -96,8 +98,12 @@ PrintFigures figures_of(const TomoJob& job, const Box<float>& dose, const Box<st
                         const ExecutionContext& context) {
   const Bench bench = make_bench(job.printer, job.resin, job.sampling);
   const detail::Scene scene = detail::scene_of(bench, part, job.insert);
-  return detail::judge(job, bench, scene.target, dose,
-                       detail::floor_of_turn(bench, *scene.projector, context));
+  PrintFigures f = detail::judge(job, bench, scene.target, dose,
+                                 detail::floor_of_turn(bench, *scene.projector, context));
+  if (!f.wanted) {
+    f.surface = surface_of(dose, part, job.insert, job.sampling.voxel_mm, f.gel_dose_mj_cm3);
+  }
+  return f;
 }
 
 double share_below_gel(const TomoJob& job, const Box<float>& dose, const Box<std::uint8_t>& part) {
@@ -108,6 +114,7 @@ double share_below_gel(const TomoJob& job, const Box<float>& dose, const Box<std
 }
 
 std::string_view PrintFigures::fault() const {
+  if (wanted && !wanted->all()) return "some doses are not within their tolerance";
   if (metrics.contrast < 1) return "void gels before all of the part does";
   if (metrics.min_gel < gel_dose_mj_cm3) return "some of the part gets less than what gels";
   if (metrics.max_void >= gel_dose_mj_cm3) {
@@ -144,6 +151,20 @@ std::string PrintFigures::to_json() const {
                       {"max_gel", metrics.max_gel},
                       {"max_void", metrics.max_void},
                       {"floor", floor_mj_cm3}};
+  if (surface.voxels > 0) {
+    j["surface"] = {
+        {"voxels", surface.voxels}, {"mean_um", surface.mean_um}, {"rms_um", surface.rms_um}};
+  }
+  if (wanted) {
+    j["wanted"] = {{"voxels", wanted->voxels},
+                   {"within", wanted->within},
+                   {"share_within", wanted->share_within},
+                   {"rms_off_mj_cm3", wanted->rms_off_mj_cm3},
+                   {"worst_off_mj_cm3", wanted->worst_off_mj_cm3},
+                   {"worst_voxel", wanted->worst},
+                   {"slack", finite(wanted->slack)},
+                   {"slack_bound", finite(wanted->slack_bound)}};
+  }
   return j.dump(2);
 }
 

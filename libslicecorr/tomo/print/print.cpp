@@ -20,9 +20,11 @@
 #include "slicecorr/vial.hpp"
 #include "stack/formats/definition_json.hpp"
 #include "tomo/operators/spread_projector.hpp"
+#include "tomo/print/bands.hpp"
 #include "tomo/print/changing_resin.hpp"
 #include "tomo/print/judging.hpp"
 #include "tomo/print/light_goal.hpp"
+#include "tomo/print/rounding.hpp"
 #include "tomo/print/voxels.hpp"
 #include "tomo/solve/checkpoint.hpp"
 #include "tomo/solve/told_projector.hpp"
@@ -62,12 +64,13 @@ detail::Fingerprint fingerprint_of(const Box<std::uint8_t>& part, const Box<std:
       fmt::format("{} {} {} {} {} {}", version, job.sampling.voxel_mm, job.sampling.angles,
                   job.sampling.middle_z_mm, slicecorr::detail::printer_json(job.printer).dump(),
                   slicecorr::detail::resin_json(job.resin).dump());
-  return {of_box(part), of_box(insert), detail::hash_of(machine.data(), machine.size()),
+  std::uint64_t of_part = of_box(part);
+  for (const Box<float>* box : {&job.wanted.least, &job.wanted.most, &job.wanted.weight}) {
+    of_part = detail::hash_of(box->values.data(), box->values.size() * sizeof(float), of_part);
+  }
+  return {of_part, of_box(insert), detail::hash_of(machine.data(), machine.size()),
           detail::hash_of(options)};
 }
-
-/// Up to so many levels that are used it is tried which way to round them.
-constexpr std::size_t kFewLevels = 64;
 
 /// Whole turns in the time; 0: as many as it takes.
 int turns_allowed(const Bench& bench, double most_time_s) {
@@ -91,6 +94,11 @@ struct Place {
 Place place_of(const Box<std::uint8_t>& part, double voxel_mm, const Printer& printer,
                const Resin& resin, const PrintOptions& options) {
   require_tomographic(printer);
+  if (printer.height_px < 2 && slices_share_light(printer, resin)) {
+    throw InputError(
+        "the projector's image has one row, whose light rises and spreads; expected two rows or more to look for "
+        "light for. Images of one row can be judged (tomo convert, tomo verify)");
+  }
   Place place;
   place.part_radius_mm = part_radius_mm(part, voxel_mm);
   const double radius_mm = place.part_radius_mm;
@@ -112,6 +120,11 @@ Place place_of(const Box<std::uint8_t>& part, double voxel_mm, const Printer& pr
         radius_mm <= resin_mm ? ", or leave to print beyond that reach" : ""));
   }
   check_insert(options.insert, part, printer, voxel_mm);
+  detail::check_wanted(options.wanted, part, resin);
+  detail::check_hold(printer, place.bench.grid.angles, options.hold);
+  if (options.wanted.any() && options.solve.method != Method::ladder) {
+    throw InputError("doses are wanted, which the ladder alone looks for; expected that method");
+  }
   place.most_turns = turns_allowed(place.bench, options.most_time_s);
   return place;
 }
@@ -124,14 +137,22 @@ struct Asked {
 };
 
 /// The part in light of groups of pixels, as it is looked for.
-Asked searched(const Bench& groups, const Box<std::uint8_t>& part, const Box<std::uint8_t>& insert,
+Asked searched(const Bench& groups, const Box<std::uint8_t>& part, const PrintOptions& options,
                Search search) {
+  const Box<std::uint8_t>& insert = options.insert;
   Target target = detail::target_of(groups, part, insert);
+  detail::add_bands(options.wanted, insert, groups.exposure.critical_mj_cm3, target);
   if (insert.values.empty()) {
     return {std::move(target), make_search_projector(groups, search), groups.rays};
   }
   const Volume opaque = detail::volume_of(groups.grid, insert);
   return {std::move(target), make_search_projector(groups, search, &opaque), groups.rays};
+}
+
+/// The same with the weights of voxels.
+Asked weighed(const Asked& asked) {
+  return {detail::weighed(asked.target), detail::weighed(asked.projector, asked.target),
+          asked.rays};
 }
 
 /// What rough operators find: where to go on from, and a bound, which all of the proof's steps go to.
@@ -259,15 +280,18 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
   job.resin = resin;
   job.sampling = {voxel_mm, part.nz, bench.grid.angles};
   job.sampling.middle_z_mm = options.middle_z_mm;
-  const detail::Scene scene = detail::scene_of(bench, part, options.insert);
+  job.wanted = options.wanted;
+  detail::Scene scene = detail::scene_of(bench, part, options.insert);
+  const bool banded = options.wanted.any();
+  detail::add_bands(options.wanted, options.insert, bench.exposure.critical_mj_cm3, scene.target);
   const Target& target = scene.target;
   // Light is looked for in groups of pixels, and with operators that are quicker; bounds are proven for
   // that of all pixels, with those that follow their squares.
   const Asked every{target, scene.projector, bench.rays};
-  const Asked flat = searched(place.groups, part, options.insert, Search::close);
+  const Asked flat = searched(place.groups, part, options, Search::close);
   std::optional<Asked> rough;
   if (options.solve.method == Method::ladder && has_rough_search(place.groups)) {
-    rough = searched(place.groups, part, options.insert, Search::rough);
+    rough = searched(place.groups, part, options, Search::rough);
   }
   // The solve is told of as a whole, none of its sums over angles by itself.
   const ExecutionContext quiet = slicecorr::detail::silent(context);
@@ -366,9 +390,10 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
                                1e3 * detail::spread_mm(bench, resin, passes.back()),
                                passes.back()));
     }
-    const detail::ToldProjector projector(*asked.projector, told,
+    const Asked weights = weighed(asked), proof = weighed(provable);
+    const detail::ToldProjector projector(*weights.projector, told,
                                           detail::expected_calls(how, asked.target.grid.blocks()));
-    how.prover = provable.projector.get();
+    how.prover = proof.projector.get();
     if (goal) {
       // Where a turn is more than enough for any light, time is none; and the last time it is a goal only where
       // inhibitors come back, since what has too little contrast within a few turns needs its freedom.
@@ -380,21 +405,23 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
     SolveOptions closer = how;
     if (rough) {
       before = rough_solution(
-          spreads ? spread_for_turns(*rough, bench, resin, options.insert, passes.back()) : *rough,
+          weighed(spreads ? spread_for_turns(*rough, bench, resin, options.insert, passes.back())
+                          : *rough),
           how, quiet);
       if (closer.start == nullptr) closer.start = &before->light;
       closer.proof_steps = 0;
     }
-    if (before && before->contrast_bound < 1) {
+    if (before && before->contrast_bound < 1 && !banded) {
       found = std::move(before);
     } else {
-      found = solve(quiet, projector, asked.target, asked.rays, closer);
+      found = solve(quiet, projector, weights.target, asked.rays, closer);
       if (before && before->contrast_bound < found->contrast_bound) {
         found->contrast_bound = before->contrast_bound;
         found->bound_slice = before->bound_slice;
       }
     }
-    if (found->contrast_bound < 1) {
+    if (banded) detail::without_weights(quiet, *asked.projector, asked.target, *found);
+    if (found->contrast_bound < 1 && !banded) {
       if (options.evidence) {
         options.evidence(evidence_of(*found, asked.target, part, options, job.sampling));
       }
@@ -414,11 +441,14 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
     const int counted = spreads ? passes.back() : turns.count;
     if (std::abs(turns.count - counted) <= kSameTurns * counted) {
       if (!goal || goal->last()) break;
-      if (!turns.never && goal->enough(*found, found->metrics.contrast, turns.count)) break;
+      const bool enough = banded ? found->metrics.contrast >= 1
+                                 : goal->enough(*found, found->metrics.contrast, turns.count);
+      if (!turns.never && enough) break;
       goal->next();
       if (!turns.never) quick.emplace(FoundSooner{*found, light, asked, brightest, turns});
-      context.tell(fmt::format("a contrast of {:.4g} in {} turns: more is looked for in {}",
-                               found->metrics.contrast, turns.count, goal->turns()));
+      context.tell(fmt::format("a {} of {:.4g} in {} turns: more is looked for in {}",
+                               banded ? "slack" : "contrast", found->metrics.contrast, turns.count,
+                               goal->turns()));
       how.start = options.solve.start;
       how.resume = nullptr;
       if (spreads) passes.assign(1, likely_turns(flat, bench, how.window, most_turns, quiet));
@@ -452,75 +482,29 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
   for (float& d : full) d = static_cast<float>(d * brightest);
   const PrintTime time = plan_time(quiet, *asked.projector, asked.target, full, exposure);
 
-  // Rounding to levels, and the direct sum, which weighs light otherwise, may find the weakest voxel a
-  // little short: a little more for all, or a turn more. Where no turn more is allowed, pixels that
-  // can't be brighter stay as they are.
   job.part = part;
   job.insert = options.insert;
-  const double black = detail::floor_of_turn(bench, *scene.projector, quiet);
-  double scale = brightest * time.scale;
-  PrintFigures figures;
-  constexpr int rounds = 24, kTakenBack = 4;
-  // Where no turn more is allowed, and light is so much more than the projector has, more changes little.
-  constexpr double kFarAbove = 1.3;
-  int shown = 0;
-  ExecutionContext judging = quiet;
-  judging.progress = [&](std::string_view, double done) {
-    context.report("judging", std::min((shown + done) / rounds, 0.99));
-  };
-  const auto show = [&](bool carry) {
-    job.levels = carry ? carried_levels(light, scale, bench.mw_cm2)
-                       : nearest_levels(light, scale, bench.mw_cm2);
-    figures = detail::judge(job, bench, target, dose_of(job, judging), black);
-    ++shown;
-  };
-  const int turns_limit = turns.never ? turns.count : most_turns;
-  const double first_scale = scale;
-  const auto settle = [&](bool carry) {
-    scale = first_scale;
-    job.turns = turns.count;
-    for (int round = 0;; ++round) {
-      show(carry);
-      // What comes back takes its share of the light first.
-      const double back = bench.resupply_mj_cm3_s * figures.print_time_s;
-      const double short_by = (figures.gel_dose_mj_cm3 + back) / (figures.metrics.min_gel + back);
-      // More than enough, where the operators see less than the sum, costs turns: taken back once.
-      if (short_by <= 1 && (round > 0 || short_by > 0.99)) break;
-      const bool all_lit = job.turns == turns_limit && scale > kFarAbove * brightest;
-      if (round + 1 == rounds || all_lit) break;
-      scale *= short_by + 2e-4 * (round + 1);
-      while (round < kTakenBack && job.turns > 1 &&
-             scale * job.turns <= brightest * (job.turns - 1)) {
-        scale *= static_cast<double>(job.turns) / (job.turns - 1);
-        --job.turns;
-      }
-      if (scale <= brightest || job.turns == turns_limit) continue;
-      scale *= static_cast<double>(job.turns) / (job.turns + 1);
-      ++job.turns;
-    }
-  };
-  settle(false);
-  // With few levels, or a projector so bright that few are used, it depends on the part which way to
-  // round prints better.
-  const std::uint16_t top = *std::max_element(job.levels.begin(), job.levels.end());
-  if (top < kFewLevels) {
-    const auto rank = [](const PrintFigures& f) {
-      return std::pair(f.feasible(), f.metrics.contrast);
-    };
-    std::vector<std::uint16_t> levels = job.levels;
-    const PrintFigures before = figures;
-    settle(true);
-    if (rank(before) >= rank(figures)) {
-      job.levels = std::move(levels);
-      job.turns = before.turns;
-      figures = before;
-    }
-  }
-  detail::tell_levels(context, bench, solution.metrics.contrast, figures, top);
+  const detail::RoundedPrint rounded =
+      detail::show_light({.bench = bench,
+                          .target = target,
+                          .light = light,
+                          .scale = brightest * time.scale,
+                          .brightest = brightest,
+                          .turns = turns.count,
+                          .most_turns = turns.never ? turns.count : most_turns,
+                          .black_mj_cm3 = detail::floor_of_turn(bench, *scene.projector, quiet),
+                          .hold = options.hold == 0 && options.angles > 0 ? 1 : options.hold},
+                         context, job);
+  PrintFigures figures = rounded.figures;
+  if (!banded) detail::tell_levels(context, bench, solution.metrics.contrast, figures, rounded.top);
   context.report("judging", 1);
 
   job.history = std::move(solution.history);
-  job.contrast_bound = bound_of_print(solution.contrast_bound, bench, figures);
+  if (banded) {
+    job.wanted.slack_bound = figures.wanted->slack_bound = solution.contrast_bound;
+  } else {
+    job.contrast_bound = bound_of_print(solution.contrast_bound, bench, figures);
+  }
   Print print;
   print.job = std::move(job);
   print.figures = figures;

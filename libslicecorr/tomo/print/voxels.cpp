@@ -220,12 +220,12 @@ Box<std::uint8_t> voxelise_insert(TriangleMesh insert, const PartFrame& frame,
   return voxels;
 }
 
-Box<std::uint8_t> placed(const Box<std::uint8_t>& volume, const Printer& printer, double voxel_mm) {
-  return placed(volume, printer, voxel_mm, {});
-}
+namespace {
 
-Box<std::uint8_t> placed(const Box<std::uint8_t>& volume, const Printer& printer, double voxel_mm,
-                         const std::array<double, 2>& by_mm) {
+/// `around`: what stands beside the volume, and may lie outside of the vial.
+template <class T>
+Box<T> placed_amid(const Box<T>& volume, const Printer& printer, double voxel_mm,
+                   const std::array<double, 2>& by_mm, T around) {
   require_tomographic(printer);
   std::array<int, 2> by{};
   for (std::size_t k = 0; k < 2; ++k) {
@@ -247,12 +247,14 @@ Box<std::uint8_t> placed(const Box<std::uint8_t>& volume, const Printer& printer
   const int n = voxels_across(printer, voxel_mm);
   // An even volume has no voxel on the axis: its voxels lie half a voxel beside those of the grid.
   const int shift = (n - volume.nx - (n - volume.nx) % 2) / 2;
-  Box<std::uint8_t> part = empty_box(volume.nz, n, n);
+  const auto across = static_cast<std::size_t>(n);
+  Box<T> part{volume.nz, n, n,
+              std::vector<T>(static_cast<std::size_t>(volume.nz) * across * across, around)};
   for (int z = 0; z < volume.nz; ++z) {
     for (int y = 0; y < volume.ny; ++y) {
       for (int x = 0; x < volume.nx; ++x) {
-        const std::uint8_t value = volume.values[volume.at(z, y, x)];
-        if (value == 0) continue;
+        const T value = volume.values[volume.at(z, y, x)];
+        if (value == around) continue;
         const int px = x + shift + by[0], py = y + shift + by[1];
         if (px < 0 || px >= n || py < 0 || py >= n) {
           throw InputError(fmt::format(
@@ -265,6 +267,21 @@ Box<std::uint8_t> placed(const Box<std::uint8_t>& volume, const Printer& printer
     }
   }
   return part;
+}
+
+}  // namespace
+
+Box<std::uint8_t> placed(const Box<std::uint8_t>& volume, const Printer& printer, double voxel_mm) {
+  return placed(volume, printer, voxel_mm, {});
+}
+
+Box<std::uint8_t> placed(const Box<std::uint8_t>& volume, const Printer& printer, double voxel_mm,
+                         const std::array<double, 2>& by_mm) {
+  return placed_amid<std::uint8_t>(volume, printer, voxel_mm, by_mm, 0);
+}
+
+Box<float> placed(const Box<float>& volume, const Printer& printer, double voxel_mm, float around) {
+  return placed_amid(volume, printer, voxel_mm, {}, around);
 }
 
 double part_radius_mm(const Box<std::uint8_t>& part, double voxel_mm) {

@@ -17,19 +17,34 @@ constexpr float kNoBound = std::numeric_limits<float>::infinity();
 
 struct Limits {
   Array<float> least, most;
+  Array<float> per_least, per_most;  ///< of bands
 
-  Limits(const Kind* kinds, std::size_t count, std::size_t padded, const Penalty& penalty)
+  Limits(const BlockCells& cells, std::size_t count, std::size_t padded, const Penalty& penalty)
       : least(padded, -kNoBound), most(padded, kNoBound) {
+    const auto rung = static_cast<float>(penalty.rung);
+    if (cells.least != nullptr) {
+      per_least.resize(padded);
+      per_most.resize(padded);
+      for (std::size_t i = 0; i < count; ++i) {
+        const bool lower = cells.least[i] > 0;
+        if (lower) least[i] = cells.least[i];
+        most[i] = cells.most[i] * (lower ? 1 : rung);
+        per_least[i] = lower ? 1 / cells.least[i] : 0;
+        per_most[i] = 1 / cells.most[i];
+      }
+      return;
+    }
     for (std::size_t i = 0; i < count; ++i) {
-      if (kinds[i] == Kind::gel) {
+      if (cells.kinds[i] == Kind::gel) {
         least[i] = 1;
         most[i] = static_cast<float>(penalty.most_dose);
-      } else if (kinds[i] == Kind::empty) {
-        most[i] = static_cast<float>(penalty.rung);
+      } else if (cells.kinds[i] == Kind::empty) {
+        most[i] = rung;
       }
     }
   }
   Asked asked() const { return {least.data(), most.data()}; }
+  bool banded() const { return !per_least.empty(); }
 };
 
 /// Where the slope of a convex loss crosses 0 in (0, end], for each column; `end` where it does not.
@@ -72,8 +87,8 @@ Floats to_floats(const Doubles& numbers) {
 
 class Solver {
  public:
-  Solver(const Projector& projector, std::size_t block, const Kind* kinds, const Penalty& penalty,
-         int memory, const ExecutionContext& context)
+  Solver(const Projector& projector, std::size_t block, const BlockCells& cells,
+         const Penalty& penalty, int memory, const ExecutionContext& context)
       : projector_(projector),
         block_(block),
         context_(context),
@@ -81,7 +96,7 @@ class Solver {
         voxels_(projector.shape().field_of_block),
         pixels_(projector.shape().light_of_block),
         cap_(static_cast<float>(penalty.cap)),
-        limits_(kinds, voxels_, loops_.padded(voxels_), penalty),
+        limits_(cells, voxels_, loops_.padded(voxels_), penalty),
         dose_(loops_.padded(voxels_)),
         excess_(dose_.size()),
         change_(dose_.size()),
@@ -138,6 +153,12 @@ class Solver {
       std::fill_n(extremes, 16, kNoBound);
       step_dose(s, asked, change_.data(), t.data() + s.first, dose_.data(), excess_.data(), sums,
                 extremes);
+      if (limits_.banded()) {
+        std::fill_n(extremes, 16, kNoBound);
+        std::fill_n(extremes + 16, 16, 0.0F);
+        extremes_in_bands(s, limits_.per_least.data(), limits_.per_most.data(), dose_.data(),
+                          extremes);
+      }
       const std::scoped_lock lock(mutex);
       for (int k = 0; k < 16; ++k) {
         low[s.first + k] = std::min(low[s.first + k], extremes[k]);
@@ -151,7 +172,11 @@ class Solver {
       most.fill(*std::max_element(most.begin(), most.begin() + 16));
     }
     const auto gelled = loops_.sum(dose_.size(), 1, [&](const Stretch& s, double* sums) {
-      count_void(s, asked, dose_.data(), low.data() + s.first, sums);
+      if (limits_.banded()) {
+        count_above(s, limits_.per_most.data(), dose_.data(), low.data() + s.first, sums);
+      } else {
+        count_void(s, asked, dose_.data(), low.data() + s.first, sums);
+      }
     });
     for (std::size_t c = 0; c < now_.size(); ++c) {
       now_[c] = {loss[0][c], low[c], high[c], most[c], gelled[0][c]};
@@ -311,17 +336,17 @@ class Solver {
 
 }  // namespace
 
-std::vector<double> best_scales(const Shape& shape, const Kind* kinds, const float* dose,
+std::vector<double> best_scales(const Shape& shape, const BlockCells& cells, const float* dose,
                                 const Penalty& penalty, const ExecutionContext& context) {
   const std::size_t count = shape.field_of_block;
   const ColumnLoops loops(shape.problem_lanes(), context);
-  const Limits limits(kinds, count, loops.padded(count), penalty);
+  const Limits limits(cells, count, loops.padded(count), penalty);
   Array<float> zero(loops.padded(count)), change(loops.padded(count));
   std::copy_n(dose, count, change.data());
   const auto lanes = static_cast<std::size_t>(shape.problem_lanes());
   Doubles most{};
   for (std::size_t i = 0; i < count; ++i) {
-    if (kinds[i] == Kind::gel) most[i % lanes] = std::max<double>(most[i % lanes], dose[i]);
+    if (cells.kinds[i] == Kind::gel) most[i % lanes] = std::max<double>(most[i % lanes], dose[i]);
   }
   if (lanes == 1) most.fill(most[0]);
   // Beyond, all of the gel would have to be at 100 times its dose.
@@ -343,10 +368,10 @@ std::vector<double> best_scales(const Shape& shape, const Kind* kinds, const flo
   return scales;
 }
 
-BlockRun solve_block(const Projector& projector, std::size_t block, const Kind* kinds,
+BlockRun solve_block(const Projector& projector, std::size_t block, const BlockCells& cells,
                      const Penalty& penalty, int steps, int memory, bool may_leave,
                      const ExecutionContext& context, float* light, float* dose) {
-  Solver solver(projector, block, kinds, penalty, memory, context);
+  Solver solver(projector, block, cells, penalty, memory, context);
   return solver.run(steps, may_leave, light, dose);
 }
 

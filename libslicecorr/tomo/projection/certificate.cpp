@@ -20,15 +20,30 @@ constexpr int kRounds = 12;
 /// The same with the weights of a prover, which takes longer.
 constexpr int kProverRounds = 4;
 constexpr float kRaise = 10;
+/// Bands that reach as high have no most.
+constexpr float kFree = 1e30F;
 
 /// What a bound is made of, fields of a block.
 struct Witness {
   Array<float> low, high, empty;  ///< lo, hi, and 1 in void
+  Array<float> least, most;       ///< of bands: what they count for; empty: 1
 };
 
-Witness witness_of(const Array<Kind>& kinds, const Array<float>& dose, double rung) {
+Witness witness_of(const CellKinds& cells, const Array<float>& dose, double rung) {
+  const Array<Kind>& kinds = cells.kinds;
   const std::size_t voxels = kinds.size();
-  Witness w{Array<float>(voxels), Array<float>(voxels), Array<float>(voxels)};
+  Witness w{Array<float>(voxels), Array<float>(voxels), Array<float>(voxels), {}, {}};
+  if (cells.banded()) {
+    w.least = cells.least;
+    w.most = cells.most;
+    for (std::size_t i = 0; i < voxels; ++i) {
+      const float of_most = cells.least[i] > 0 ? 1 : static_cast<float>(rung);
+      w.low[i] = std::max(0.0F, cells.least[i] - dose[i]);
+      w.empty[i] = w.most[i] < kFree ? 1 : 0;
+      w.high[i] = w.empty[i] * std::max(0.0F, dose[i] - of_most * w.most[i]);
+    }
+    return w;
+  }
   for (std::size_t i = 0; i < voxels; ++i) {
     if (kinds[i] == Kind::gel) {
       w.low[i] = std::max(0.0f, 1.0f - dose[i]);
@@ -72,8 +87,8 @@ class BlockBounds {
       forward(now_.low, a_low_);
     }
     for (std::size_t i = 0; i < now_.low.size(); ++i) {
-      sum_low_[i % lanes_] += now_.low[i];
-      count_[i % lanes_] += now_.empty[i];
+      sum_low_[i % lanes_] += worth(now_.least, i) * now_.low[i];
+      if (now_.empty[i] > 0) count_[i % lanes_] += worth(now_.most, i);
     }
   }
 
@@ -81,7 +96,9 @@ class BlockBounds {
   void look() {
     forward(now_.high, a_high_);
     std::vector<double> sum_high(lanes_), delta(lanes_);
-    for (std::size_t i = 0; i < now_.high.size(); ++i) sum_high[i % lanes_] += now_.high[i];
+    for (std::size_t i = 0; i < now_.high.size(); ++i) {
+      if (now_.high[i] > 0) sum_high[i % lanes_] += worth(now_.most, i) * now_.high[i];
+    }
     for (std::size_t i = 0; i < pixels(); ++i) {
       const double missing = a_low_[i] * (1 + kMargin) - a_high_[i] * (1 - kMargin);
       ray_[i] = 0;
@@ -122,6 +139,7 @@ class BlockBounds {
   const Array<float>& best() const { return best_; }
 
  private:
+  static double worth(const Array<float>& of, std::size_t i) { return of.empty() ? 1 : of[i]; }
   std::size_t pixels() const { return projector_.shape().light_of_block; }
   void forward(const Array<float>& field, Array<float>& light) const {
     projector_.forward(block_, field.data(), light.data(), context_);
@@ -169,7 +187,7 @@ std::vector<double> contrast_bounds(const ExecutionContext& context, const Proje
                                     const std::vector<int>& slices) {
   const Shape shape = projector.shape();
   if (shape.coupled) {
-    return found_in(projector, 0, witness_of(cells.kinds, dose, rung), context).bounds();
+    return found_in(projector, 0, witness_of(cells, dose, rung), context).bounds();
   }
   std::vector<double> bounds(static_cast<std::size_t>(shape.slices), kWithoutEnd);
   each_block(context, projector, slices,
@@ -177,7 +195,7 @@ std::vector<double> contrast_bounds(const ExecutionContext& context, const Proje
                const std::vector<int> lanes = packed.of_block(b);
                const std::vector<double> found =
                    found_in(packed.projector(), b,
-                            witness_of(packed.take(b, cells.kinds), packed.take(b, dose), rung),
+                            witness_of(take_cells(packed, b, cells), packed.take(b, dose), rung),
                             inside)
                        .bounds();
                for (std::size_t l = 0; l < lanes.size(); ++l) bounds[lanes[l]] = found[l];
@@ -191,7 +209,7 @@ std::vector<double> proven_bounds(const ExecutionContext& context, const Project
                                   const std::vector<int>& slices) {
   const Shape shape = projector.shape();
   if (shape.coupled) {
-    Witness witness = witness_of(cells.kinds, dose, rung);
+    Witness witness = witness_of(cells, dose, rung);
     witness.high = found_in(projector, 0, witness, context).best();
     return found_in(prover, 0, std::move(witness), context, kProverRounds).bounds();
   }
@@ -202,18 +220,18 @@ std::vector<double> proven_bounds(const ExecutionContext& context, const Project
         packed.put_back(
             b,
             found_in(packed.projector(), b,
-                     witness_of(packed.take(b, cells.kinds), packed.take(b, dose), rung), inside)
+                     witness_of(take_cells(packed, b, cells), packed.take(b, dose), rung), inside)
                 .best(),
             high);
       });
-  const Array<Kind> kinds = in_lanes(shape, prover.shape(), cells.kinds);
+  const CellKinds kinds = cells_in_lanes(shape, prover.shape(), cells);
   const Array<float> doses = in_lanes(shape, prover.shape(), dose);
   high = in_lanes(shape, prover.shape(), high);
   std::vector<double> all(static_cast<std::size_t>(shape.slices), kWithoutEnd);
   each_block(
       context, prover, slices,
       [&](const PackedSlices& packed, std::size_t b, const ExecutionContext& inside) {
-        Witness witness = witness_of(packed.take(b, kinds), packed.take(b, doses), rung);
+        Witness witness = witness_of(take_cells(packed, b, kinds), packed.take(b, doses), rung);
         witness.high = packed.take(b, high);
         const std::vector<int> lanes = packed.of_block(b);
         const std::vector<double> found =

@@ -6,6 +6,9 @@
 ///   min_gel D <= max_void D (sum hi + delta n_void) / sum lo.
 /// Slices are independent, so the least bound of a slice is the part's. Rays are compared with a
 /// margin of 1e-4 for the projector's single precision.
+///
+/// Where cells have bands L to U of their own, lo = (L - D)+ and hi = (D - U)+, and delta goes to all that
+/// have a most:  min D / L <= max D / U (sum U (hi + delta)) / sum L lo.
 #pragma once
 
 #include <vector>

@@ -113,6 +113,35 @@ void count_void(const Stretch& s, const Asked& asked, const float* dose, const f
 }
 
 SLICECORR_CLONES
+void extremes_in_bands(const Stretch& s, const float* per_least, const float* per_most,
+                       const float* dose, float* extremes) {
+  for (std::size_t r = 0; r < s.rows; ++r) {
+    const std::size_t at = s.at + r * s.stride;
+    for (int k = 0; k < kW; ++k) {
+      const float of_least = dose[at + k] * per_least[at + k];
+      const float of_most = dose[at + k] * per_most[at + k];
+      float &low = extremes[k], &high = extremes[kW + k];
+      low = per_least[at + k] > 0 && of_least < low ? of_least : low;
+      high = of_most > high ? of_most : high;
+    }
+  }
+}
+
+SLICECORR_CLONES
+void count_above(const Stretch& s, const float* per_most, const float* dose, const float* at_least,
+                 double* sums) {
+  float count[kW] = {};
+  for (std::size_t r = 0; r < s.rows; ++r) {
+    const std::size_t at = s.at + r * s.stride;
+    for (int k = 0; k < kW; ++k) {
+      const bool judged = per_most[at + k] > 0;
+      count[k] += judged && dose[at + k] * per_most[at + k] >= at_least[k] ? 1.0f : 0.0f;
+    }
+  }
+  for (int k = 0; k < kW; ++k) sums[k] += count[k];
+}
+
+SLICECORR_CLONES
 void slope(const Stretch& s, const Asked& asked, const float* dose, const float* change,
            const float* t, double* sums) {
   for (std::size_t r0 = 0; r0 < s.rows; r0 += kRowsASum) {
@@ -202,7 +231,7 @@ void products(const Stretch& s, const Quadratic& of, double* sums) {
           yi[k] = free_y[i * kW + k];
           sq[k] += q[k] * si[k];
         }
-        for (int j = 0; j < pairs; ++j) {
+        for (int j = i; j < pairs; ++j) {
           float* sy = sum + of.sy(i, j) * kStep;
           const float* yj = free_y + j * kStep;
           for (int k = 0; k < kW; ++k) sy[k] += si[k] * yj[k];

@@ -63,6 +63,13 @@ void step_dose(const Stretch& s, const Asked& asked, const float* change, const 
 /// Void voxels with at least this dose.
 void count_void(const Stretch& s, const Asked& asked, const float* dose, const float* at_least,
                 double* sums);
+/// Of doses in bands: the least of dose / least and the most of dose / most, [16] each, behind those
+/// that `extremes` has. Factors are 0 where there is no such bound.
+void extremes_in_bands(const Stretch& s, const float* per_least, const float* per_most,
+                       const float* dose, float* extremes);
+/// Cells whose dose / most is at least this.
+void count_above(const Stretch& s, const float* per_most, const float* dose, const float* at_least,
+                 double* sums);
 /// Half of the derivative of the loss along D + t d.
 void slope(const Stretch& s, const Asked& asked, const float* dose, const float* change,
            const float* t, double* sums);
@@ -79,7 +86,7 @@ struct Quadratic {
     const int p = static_cast<int>(steps.size());
     return 1 + 2 * p + 2 * p * p;
   }
-  /// Places among the sums: q q, s_i q, y_i q, s_i y_j, y_i y_j.
+  /// Places among the sums: q q, s_i q, y_i q, s_i y_j, y_i y_j; s_i y_j of i up to j alone, y_i y_j of j up to i.
   int sq(int i) const { return 1 + i; }
   int yq(int i) const { return 1 + static_cast<int>(steps.size()) + i; }
   int sy(int i, int j) const {

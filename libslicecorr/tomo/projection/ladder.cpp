@@ -145,7 +145,7 @@ class Ladder {
     const ExecutionContext inside = inside_block(context_, shape_.blocks());
     parallel_for(context_, "start", shape_.blocks(), [&](std::size_t b) {
       const std::vector<double> factors =
-          best_scales(shape_, cells_.kinds.data() + b * shape_.field_of_block,
+          best_scales(shape_, BlockCells(cells_, b * shape_.field_of_block),
                       dose_.data() + b * shape_.field_of_block, penalty, inside);
       scale_block(b, {factors.begin(), factors.end()}, light_);
     });
@@ -165,9 +165,15 @@ class Ladder {
     std::fill(now_.begin(), now_.end(), SliceStep{});
     for (std::size_t i = 0; i < cells_.kinds.size(); ++i) {
       const double d = dose_[i];
-      if (cells_.kinds[i] == Kind::neither) continue;
+      const bool banded = cells_.banded();
+      if (!banded && cells_.kinds[i] == Kind::neither) continue;
       SliceStep& s = now_[i / shape_.field_of_block * lanes + i % lanes];
       s.max_dose = std::max(s.max_dose, d);
+      if (banded) {
+        if (cells_.least[i] > 0) s.min_gel = std::min(s.min_gel, d / cells_.least[i]);
+        s.max_void = std::max(s.max_void, d / cells_.most[i]);
+        continue;
+      }
       if (cells_.kinds[i] == Kind::gel) {
         s.min_gel = std::min(s.min_gel, d);
       } else {
@@ -189,10 +195,13 @@ class Ladder {
       least_before = std::min(least_before, kept_[z]);
       most_now = std::min(most_now, std::max(kept_[z], gained(z)));
     }
-    if (!reached && !(most_now > least_before)) return;
+    // Where bands can't be kept to, their least error is what is wanted.
+    const bool least_error = cells_.banded() && !reached && !any_reached_;
+    any_reached_ = any_reached_ || (reached && rung < 1);
+    if (!reached && !least_error && !(most_now > least_before)) return;
     std::vector<int> taken;
     for (const int z : gel_) {
-      if (!reached && kept_[z] >= most_now) continue;
+      if (!reached && !least_error && kept_[z] >= most_now) continue;
       kept_[z] = now_[z].contrast();
       taken.push_back(z);
     }
@@ -234,7 +243,7 @@ class Ladder {
       if (active.empty()) return;
       if (shape_.coupled) {
         const BlockRun run =
-            solve_block(projector_, 0, cells_.kinds.data(), penalty, most - climbs[0].steps,
+            solve_block(projector_, 0, BlockCells(cells_, 0), penalty, most - climbs[0].steps,
                         options_.memory, false, context_, light_.data(), dose_.data());
         add_run(climbs[0], 0, run, run.slices[0]);
         continue;
@@ -246,9 +255,9 @@ class Ladder {
         int left = most;
         for (const int z : lanes) left = std::min(left, most - climbs[z].steps);
         Array<float> light = packed.take(b, light_), dose = packed.take(b, dose_);
-        const Array<Kind> what = packed.take(b, cells_.kinds);
+        const CellKinds what = take_cells(packed, b, cells_);
         const BlockRun run =
-            solve_block(packed.projector(), b, what.data(), penalty, left, options_.memory,
+            solve_block(packed.projector(), b, BlockCells(what, 0), penalty, left, options_.memory,
                         active.size() > 1, inside, light.data(), dose.data());
         packed.put_back(b, light, light_);
         packed.put_back(b, dose, dose_);
@@ -300,7 +309,9 @@ class Ladder {
         max_dose = std::max(max_dose, s.max_dose);
         gelled += s.void_gelled;
       }
-      step.ver = gelled / static_cast<double>(cells_.gel + cells_.empty);
+      step.ver = std::min(1.0, gelled / static_cast<double>(cells_.gel + cells_.empty));
+      // Of bands both are shares of what is wanted.
+      if (cells_.banded()) max_dose = std::max(min_gel, max_void);
       step.pw = max_dose > 0 ? (min_gel - max_void) / max_dose : 0;
       step.contrast = max_void > 0 ? min_gel / max_void : kNone;
       found_.history.push_back(step);
@@ -357,7 +368,7 @@ class Ladder {
     add_history(climbs, rung);
   }
 
-  /// Each slice's weakest gel voxel gets 1. Doses are computed once more, of the whole part.
+  /// Each slice's weakest gel voxel gets 1; in bands doses are as far from the least as from the most. Doses are computed once more, of the whole part.
   void finish() {
     adjoint(projector_, silent(context_), found_.light, dose_);
     look();
@@ -365,7 +376,10 @@ class Ladder {
     for (std::size_t b = 0; b < shape_.blocks(); ++b) {
       std::vector<float> factors(lanes, 1);
       for (int l = 0; l < shape_.problems_of(b); ++l) {
-        const double least = now_[b * lanes + static_cast<std::size_t>(l)].min_gel;
+        const SliceStep& now = now_[b * lanes + static_cast<std::size_t>(l)];
+        const double least = !cells_.banded()      ? now.min_gel
+                             : now.contrast() >= 1 ? std::sqrt(now.min_gel * now.max_void)
+                                                   : 1;
         if (least > 0 && least < kNone) factors[l] = static_cast<float>(1 / least);
       }
       scale_block(b, factors, found_.light);
@@ -383,6 +397,7 @@ class Ladder {
   Array<float> light_, dose_;
   std::vector<SliceStep> now_;  ///< per slice, of `dose_`
   std::vector<double> kept_;    ///< per slice, the contrast that the solution has
+  bool any_reached_ = false;    ///< a rung
 };
 
 }  // namespace

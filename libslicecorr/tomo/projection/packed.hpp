@@ -90,6 +90,23 @@ Array<T> in_lanes(const Shape& from, const Shape& to, const Array<T>& numbers) {
   return out;
 }
 
+/// Cells of a block of some slices, and of other lanes.
+inline CellKinds take_cells(const PackedSlices& packed, std::size_t block, const CellKinds& cells) {
+  CellKinds some;
+  some.kinds = packed.take(block, cells.kinds);
+  some.least = packed.take(block, cells.least);
+  some.most = packed.take(block, cells.most);
+  return some;
+}
+inline CellKinds cells_in_lanes(const Shape& from, const Shape& to, const CellKinds& cells) {
+  CellKinds out;
+  out.kinds = in_lanes(from, to, cells.kinds);
+  if (!cells.banded()) return out;
+  out.least = in_lanes(from, to, cells.least);
+  out.most = in_lanes(from, to, cells.most);
+  return out;
+}
+
 /// The slice whose own contrast is least.
 inline int hardest_slice(const Shape& shape, const CellKinds& cells, const Array<float>& dose) {
   const auto lanes = static_cast<std::size_t>(shape.lanes);
@@ -120,7 +137,7 @@ inline std::vector<int> problems_with_gel(const Shape& shape, const CellKinds& c
   const auto lanes = static_cast<std::size_t>(shape.lanes);
   std::vector<bool> has(static_cast<std::size_t>(shape.slices), false);
   for (std::size_t i = 0; i < cells.kinds.size(); ++i) {
-    if (cells.kinds[i] == Kind::gel) {
+    if (cells.kinds[i] == Kind::gel || (cells.banded() && cells.least[i] > 0)) {
       has[i / shape.field_of_block * lanes + i % lanes] = true;
     }
   }

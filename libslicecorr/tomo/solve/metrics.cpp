@@ -71,23 +71,43 @@ std::uint16_t nearest_level(double wanted, const std::vector<double>& mw_cm2) {
   return static_cast<std::uint16_t>(level);
 }
 
-Metrics measure(const CellKinds& cells, const Array<float>& dose) {
+Metrics measure_extremes(const CellKinds& cells, const Array<float>& dose) {
   check_dose(cells, dose);
-  const Sorted d(cells, dose);
+  float low = std::numeric_limits<float>::infinity(), high = -low, most_void = -low;
   Metrics m;
-  m.gel = d.gel.size();
-  m.empty = d.empty.size();
-  m.min_gel = d.gel.front();
-  m.max_gel = d.gel.back();
-  m.max_void = d.empty.back();
+  for (std::size_t i = 0; i < cells.kinds.size(); ++i) {
+    if (cells.kinds[i] == Kind::gel) {
+      low = std::min(low, dose[i]);
+      high = std::max(high, dose[i]);
+      ++m.gel;
+    } else if (cells.kinds[i] == Kind::empty) {
+      most_void = std::max(most_void, dose[i]);
+      ++m.empty;
+    }
+  }
+  // Few of void, where there are any.
+  if (most_void >= low) {
+    for (std::size_t i = 0; i < cells.kinds.size(); ++i) {
+      m.void_gelled += cells.kinds[i] == Kind::empty && dose[i] >= low ? 1 : 0;
+    }
+  }
+  m.min_gel = low;
+  m.max_gel = high;
+  m.max_void = most_void;
   const double most = std::max(m.max_gel, m.max_void);
-  m.void_gelled = d.empty.end() - std::lower_bound(d.empty.begin(), d.empty.end(), d.gel.front());
   m.ver = static_cast<double>(m.void_gelled) / static_cast<double>(m.gel + m.empty);
   m.pw = most > 0 ? (m.min_gel - m.max_void) / most : 0;
   m.ipdr = most > 0 ? (m.max_gel - m.min_gel) / most : 0;
   m.contrast = m.max_void > 0  ? m.min_gel / m.max_void
                : m.min_gel > 0 ? std::numeric_limits<double>::infinity()
                                : 0;
+  return m;
+}
+
+Metrics measure(const CellKinds& cells, const Array<float>& dose) {
+  Metrics m = measure_extremes(cells, dose);
+  const Sorted d(cells, dose);
+  const double most = std::max(m.max_gel, m.max_void);
   constexpr double kTrimmed = 0.0005;
   const auto gel_cut = static_cast<std::size_t>(kTrimmed * static_cast<double>(m.gel));
   const auto void_cut = static_cast<std::size_t>(kTrimmed * static_cast<double>(m.empty));
@@ -124,8 +144,10 @@ WeakVoxel weakest_voxel(const Target& target, const Array<float>& dose) {
     for (int y = 0; y < grid.voxels; ++y) {
       for (int x = grid.inside(y).first; x < grid.inside(y).end; ++x) {
         const std::size_t v = grid.voxel(x, y, z);
-        if (target.kinds[v] != Kind::gel || dose[v] >= least) continue;
-        least = dose[v];
+        const bool asks = target.banded() ? target.least[v] > 0 : target.kinds[v] == Kind::gel;
+        const float d = asks && target.banded() ? dose[v] / target.least[v] : dose[v];
+        if (!asks || d >= least) continue;
+        least = d;
         at = {x, y, z};
       }
     }

@@ -6,16 +6,61 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/kernels.hpp"
+
 namespace slicecorr::tomo::detail {
 namespace {
 
-void scale(Array<float>& values, double factor) {
-  for (float& v : values) v *= static_cast<float>(factor);
+constexpr std::size_t kLanes = 16;
+
+SLICECORR_CLONES
+void scale_all(float* values, std::size_t count, float factor) {
+  for (std::size_t i = 0; i < count; ++i) values[i] *= factor;
+}
+/// Raises all to `least`, and gives the largest.
+SLICECORR_CLONES
+float raise_all(float* values, std::size_t count, float least) {
+  float most[kLanes];
+  std::fill_n(most, kLanes, least);
+  std::size_t i = 0;
+  for (; i + kLanes <= count; i += kLanes) {
+    for (std::size_t k = 0; k < kLanes; ++k) {
+      const float v = values[i + k] > least ? values[i + k] : least;
+      values[i + k] = v;
+      most[k] = v > most[k] ? v : most[k];
+    }
+  }
+  for (; i < count; ++i) {
+    values[i] = std::max(values[i], least);
+    most[0] = std::max(most[0], values[i]);
+  }
+  return *std::max_element(most, most + kLanes);
+}
+/// Takes from the model in cells of this kind what the dose has above `low`, or gives what it lacks of
+/// `high`.
+SLICECORR_CLONES
+void correct_void(const Kind* kinds, const float* dose, std::size_t count, float low,
+                  float* model) {
+  for (std::size_t i = 0; i < count; ++i) {
+    const float above = dose[i] - low;
+    model[i] -= kinds[i] == Kind::empty && above > 0 ? above : 0.0F;
+  }
+}
+SLICECORR_CLONES
+void correct_gel(const Kind* kinds, const float* dose, std::size_t count, float high,
+                 float* model) {
+  for (std::size_t i = 0; i < count; ++i) {
+    const float below = high - dose[i];
+    model[i] += kinds[i] == Kind::gel && below > 0 ? below : 0.0F;
+  }
 }
 
-float largest(const Array<float>& values) {
-  return *std::max_element(values.begin(), values.end());
+void scale(Array<float>& values, double factor) {
+  scale_all(values.data(), values.size(), static_cast<float>(factor));
 }
+
+/// Of numbers that are 0 or more.
+float largest(Array<float>& values) { return raise_all(values.data(), values.size(), 0); }
 
 /// The best light of those that a solver passes through.
 class Best {
@@ -25,7 +70,7 @@ class Best {
   /// Goes on from what another was offered.
   void resume(const FoundLight& best) {
     static_cast<FoundLight&>(solution_) = best;
-    solution_.metrics = measure(target_, best.dose);
+    solution_.metrics = measure_extremes(target_, best.dose);
     any_ = true;
   }
   /// By VER first, and then by process window.
@@ -41,9 +86,10 @@ class Best {
   /// Scales to 1 at the weakest gel voxel.
   void finish() {
     const double least = solution_.metrics.min_gel;
-    if (!(least > 0)) return;
-    scale(solution_.light, 1 / least);
-    scale(solution_.dose, 1 / least);
+    if (least > 0) {
+      scale(solution_.light, 1 / least);
+      scale(solution_.dose, 1 / least);
+    }
     solution_.metrics = measure(target_, solution_.dose);
   }
 
@@ -55,7 +101,6 @@ class Best {
 
 /// Clips at 0 and scales light to a maximum of 1.
 void normalise(Array<float>& light) {
-  for (float& v : light) v = std::max(v, 0.0f);
   const float most = largest(light);
   if (most > 0) scale(light, 1.0 / most);
 }
@@ -82,7 +127,7 @@ void clip(const TomoGrid& grid, Array<float>& light, double sigmas) {
 /// A step of OSMO or Kelly, judged.
 void record(const Target& target, const Light& light, const Field& dose, int step, Best& best,
             Solution& solution) {
-  const Metrics m = measure(target, dose.values);
+  const Metrics m = measure_extremes(target, dose.values);
   solution.history.push_back({.step = step, .ver = m.ver, .pw = m.pw, .contrast = m.contrast});
   best.offer(light.values, dose.values, m);
 }
@@ -124,17 +169,17 @@ void run_osmo(const ExecutionContext& context, const Projector& projector, const
     project();
     record(target, light, dose, 0, best, solution);
   }
-  for (; step < steps && !(error() < options.stop_error); ++step) {
+  const bool may_stop = options.stop_error > 0;
+  for (; step < steps && !(may_stop && error() < options.stop_error); ++step) {
     context.report("solving", static_cast<double>(step) / steps);
     for (const Kind kind : {Kind::empty, Kind::gel}) {
       context.check_cancelled();
-      for (std::size_t i = 0; i < target.kinds.size(); ++i) {
-        if (target.kinds[i] != kind) continue;
-        if (kind == Kind::empty) {
-          model.values[i] -= std::max(dose.values[i] - low, 0.0f);
-        } else {
-          model.values[i] += std::max(high - dose.values[i], 0.0f);
-        }
+      if (kind == Kind::empty) {
+        correct_void(target.kinds.data(), dose.values.data(), target.kinds.size(), low,
+                     model.values.data());
+      } else {
+        correct_gel(target.kinds.data(), dose.values.data(), target.kinds.size(), high,
+                    model.values.data());
       }
       project();
     }
@@ -146,7 +191,7 @@ void run_osmo(const ExecutionContext& context, const Projector& projector, const
   if (options.clip_sigma > 0) clip(target.grid, solution.light, options.clip_sigma);
   // The kept light has a maximum of 1 and its dose one of 1: bring them to one unit.
   adjoint(projector, context, solution.light, solution.dose);
-  solution.metrics = measure(target, solution.dose);
+  solution.metrics = measure_extremes(target, solution.dose);
   best.finish();
 }
 
@@ -192,7 +237,7 @@ void run_kelly(const ExecutionContext& context, const Projector& projector, cons
     for (float& v : light.values) v = std::max(v, 0.0f);
     const float most = largest(light.values);
     for (float& v : light.values) v = std::round(v / most * 255) / 255 * most;
-    const Field dose = adjoint(projector, context, light);
+    Field dose = adjoint(projector, context, light);
     record(target, light, dose, step, best, solution);
     const double threshold = measure(target, dose.values).best_threshold;
     const double width = 0.05 * largest(dose.values);

@@ -111,7 +111,7 @@ int slices_for(const std::vector<bool>& lit, const Printer& printer, const Resin
                double voxel_mm, int part_slices) {
   // Rays that spread light more than their own height.
   const bool shared = slices_share_light(printer, resin);
-  if (shared && part_slices > 0) return part_slices;
+  if (shared && part_slices > 1) return part_slices;
   double reach = 0;
   for (std::size_t row = 0; row < lit.size(); ++row) {
     if (lit[row]) reach = std::max(reach, std::abs(pixel_z_mm(printer, static_cast<int>(row))));
@@ -124,6 +124,8 @@ int slices_for(const std::vector<bool>& lit, const Printer& printer, const Resin
     const double offset = pixel_z_mm(printer, 0) / voxel_mm;
     slices = std::abs(offset - std::round(offset)) < 0.25 ? 1 : 2;
   }
+  // Light that rises is told apart by several slices.
+  if (shared && slices == 1) slices = 3;
   while (slices < most && reach > (0.5 * slices) * voxel_mm) slices += 2;
   return slices;
 }

@@ -46,6 +46,23 @@ bool in_resin(const Box<std::uint8_t>& part, int x, int y) {
 
 std::string percent(double share) { return fmt::format("{} %", figure(100 * share)); }
 
+void add_wanted(const WantedFigures& w, Table& table) {
+  table.row("Wanted doses",
+            fmt::format("{} of {} voxels within", text::count(static_cast<std::int64_t>(w.within)),
+                        text::count(static_cast<std::int64_t>(w.voxels))),
+            fmt::format("within their tolerance; {} by weight", percent(w.share_within)));
+  table.row(
+      "Off by",
+      fmt::format("{} mJ/cm³ rms, {:+.3g} at worst", figure(w.rms_off_mj_cm3), w.worst_off_mj_cm3),
+      fmt::format("outside of the tolerance; worst in voxel {}, {}, {}", w.worst[0], w.worst[1],
+                  w.worst[2]));
+  table.row("Slack", figure(w.slack),
+            "tolerances could be narrower by this factor; below 1 some doses are outside");
+  if (std::isfinite(w.slack_bound)) {
+    table.row("Bound of slack", figure(w.slack_bound), "no light whatever has more");
+  }
+}
+
 Markup figures_table(const Printed& p) {
   const PrintFigures& f = p.figures;
   const Metrics& m = f.metrics;
@@ -89,6 +106,14 @@ Markup figures_table(const Printed& p) {
             "how much of the projector's light is used; contrast costs light");
   table.row("Absorption times radius", figure(f.alpha_r),
             "1 is the fastest on the axis; much more leaves it dark");
+  if (f.surface.voxels > 0) {
+    table.row(
+        "Surface",
+        fmt::format("{:+.3g} um in the mean, {:.3g} um rms", f.surface.mean_um, f.surface.rms_um),
+        fmt::format("by which {} voxels that the part fills in part gel too far",
+                    text::count(static_cast<std::int64_t>(f.surface.voxels))));
+  }
+  if (f.wanted) add_wanted(*f.wanted, table);
   const Vial& vial = *p.job.printer.vial;
   const double n = index_of(p.job.resin), r = part_radius_mm(p.job.part, p.job.sampling.voxel_mm);
   const double q = r * n / vial.n_outside;

@@ -6,7 +6,9 @@
 ///
 /// A zip with `config.json`, `frame/00000000.png` and so on, an 8-bit grey image of the projector's
 /// size per frame, and `part/00000000.png` and so on, a voxel to a pixel, the lowest slice first;
-/// with an insert also `insert/00000000.png` and so on, opaque where above 0.
+/// with an insert also `insert/00000000.png` and so on, opaque where above 0. Where doses are wanted,
+/// `wanted/least.f32`, `wanted/most.f32` and, with weights, `wanted/weight.f32`: numbers of 32 bits, the
+/// least byte first, voxel by voxel, x fastest; their CRC-32 stands in `config.json`.
 /// Frames are shown in order, each for 1/angles of a turn, while the vial turns as `direction` says.
 /// `config.json` has the CRC-32 of all images, `images_crc32`, and of all that it says itself,
 /// `block_crc32` as in stacks. The same job gives the same bytes.
@@ -23,6 +25,7 @@
 #include "slicecorr/tomo/bench.hpp"
 #include "slicecorr/tomo/npy.hpp"
 #include "slicecorr/tomo/solve.hpp"
+#include "slicecorr/tomo/wanted.hpp"
 
 namespace slicecorr {
 struct GreyImage;
@@ -57,6 +60,8 @@ struct TomoJob {
   /// right.
   bool has_checksums = false;
   double contrast_bound = std::numeric_limits<double>::infinity();
+  /// Doses that are wanted in place of a part, of which `part` then says what gels; or none.
+  DoseBands wanted;
 };
 
 /// Frame `frame` of a turn, in the order in which they are shown, as the projector shows it: grey

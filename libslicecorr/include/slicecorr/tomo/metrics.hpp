@@ -40,9 +40,12 @@ struct Metrics {
 };
 
 Metrics measure(const CellKinds& cells, const Array<float>& dose);
+/// The same without what takes sorting all doses: no trimmed_pw, no Jaccard index.
+Metrics measure_extremes(const CellKinds& cells, const Array<float>& dose);
 /// Jaccard index of what is at or above `threshold`.
 double jaccard(const CellKinds& cells, const Array<float>& dose, double threshold);
-/// The part's voxel with the least dose, the first of several.
+/// The part's voxel with the least dose, the first of several; where doses are wanted in bands, the one
+/// with the least share of what it wants.
 struct WeakVoxel {
   double dose = 0;
   std::string name;  ///< for people

@@ -22,6 +22,8 @@
 #include "slicecorr/tomo/metrics.hpp"
 #include "slicecorr/tomo/npy.hpp"
 #include "slicecorr/tomo/solve.hpp"
+#include "slicecorr/tomo/surface.hpp"
+#include "slicecorr/tomo/wanted.hpp"
 
 namespace slicecorr::tomo {
 
@@ -63,6 +65,8 @@ Box<std::uint8_t> voxelise_insert(TriangleMesh insert, const PartFrame& frame,
 /// A volume of voxels of this side on the grid of the vial: middled, with nothing around it. Throws
 /// `InputError` when it is not square, or something of it lies outside the vial.
 Box<std::uint8_t> placed(const Box<std::uint8_t>& volume, const Printer& printer, double voxel_mm);
+/// The same of numbers.
+Box<float> placed(const Box<float>& volume, const Printer& printer, double voxel_mm, float around);
 /// The same, its middle moved by so much. Throws also where that is not by whole voxels.
 Box<std::uint8_t> placed(const Box<std::uint8_t>& volume, const Printer& printer, double voxel_mm,
                          const std::array<double, 2>& by_mm);
@@ -85,6 +89,10 @@ struct PrintFigures {
   /// where that was looked for.
   double gel_below_dose = 0;
   std::optional<double> gel_centres_below_dose = std::nullopt;
+  /// Of voxels that the part fills in part; none where doses are wanted.
+  SurfaceFigures surface = {};
+  /// Where doses are wanted.
+  std::optional<WantedFigures> wanted = std::nullopt;
   /// What is not as designed when the print ends, in words; empty: all of the part has gelled, and no void.
   std::string_view fault() const;
   bool feasible() const { return fault().empty(); }
@@ -123,6 +131,13 @@ struct PrintOptions {
   bool resume = false;
   /// z of the middle of the part's slices, upwards from the optical axis.
   double middle_z_mm = 0;
+  /// Doses that are wanted in place of the part, which is `part_of` them; or none. The ladder alone
+  /// looks for them.
+  DoseBands wanted = {};
+  /// Frames in which each angle's light is shown, one after the other, by levels that make up for each other:
+  /// an odd number; the job then has as many angles. 1: one; 0: as many as gain contrast where few levels are
+  /// used, and the printer says how many it shows.
+  int hold = 0;
 };
 
 struct Print {

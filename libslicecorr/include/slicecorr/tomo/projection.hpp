@@ -74,6 +74,12 @@ enum class Kind : std::uint8_t { neither, gel, empty };
 struct CellKinds {
   Array<Kind> kinds;
   std::size_t gel = 0, empty = 0;  ///< numbers of gel and of void cells
+  /// Doses that are wanted of each cell, laid out as the kinds; empty: kinds say all. In cells without
+  /// a least (0) a rung lowers the most, as in void. Infinite: no most.
+  Array<float> least, most;
+  /// What being outside costs, its square root; 0: nothing; empty: 1 everywhere.
+  Array<float> weight;
+  bool banded() const { return !least.empty(); }
 };
 
 /// Thread-safe: projectors are const once made.

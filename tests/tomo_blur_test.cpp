@@ -219,12 +219,12 @@ TEST(TomoBlur, RaysAgreeOnAMeasuredPicture) {
 
 /// A picture of a Gaussian is that Gaussian.
 TEST(TomoBlur, APictureOfAGaussianIsOne) {
-  constexpr int kSide = 81;
+  constexpr int kSide = 81, kInMiddle = kSide / 2;
   constexpr double pitch_um = 25, sigma_um = 200;
   auto values = std::make_shared<std::vector<std::uint8_t>>();
   for (int y = 0; y < kSide; ++y) {
     for (int x = 0; x < kSide; ++x) {
-      const double r = std::hypot(x - kSide / 2, y - kSide / 2) * pitch_um / sigma_um;
+      const double r = std::hypot(x - kInMiddle, y - kInMiddle) * pitch_um / sigma_um;
       values->push_back(static_cast<std::uint8_t>(std::lround(255 * std::exp(-r * r / 2))));
     }
   }

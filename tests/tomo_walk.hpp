@@ -90,8 +90,9 @@ inline Walked walk(const TomoJob& job, const Bench& bench, int count) {
       picked = uniform() * all;
       int k = 0;
       while ((picked -= (*picture->values)[static_cast<std::size_t>(k)]) > 0) ++k;
-      const double right = k % picture->width_px - picture->width_px / 2 + uniform() - 0.5,
-                   down = k / picture->width_px - picture->height_px / 2 + uniform() - 0.5;
+      const int columns = k % picture->width_px - picture->width_px / 2,
+                rows = k / picture->width_px - picture->height_px / 2;
+      const double right = columns + uniform() - 0.5, down = rows + uniform() - 0.5;
       from_column -= right * picture->pitch_um / p.pixel_x_um;
       from_row -= down * picture->pitch_um / p.pixel_y_um;
     }

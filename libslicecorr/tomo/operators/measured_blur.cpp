@@ -25,7 +25,8 @@ struct Axis {
 /// `light`: of all picture pixels at a place of the axis, in all 1. `side`: of theirs, in pixels.
 Axis axis_of(const Eigen::VectorXd& light, double side) {
   const auto count = static_cast<int>(light.size());
-  const auto at = [&](int i) { return (i - count / 2) * side; };
+  const int in_middle = count / 2;
+  const auto at = [&](int i) { return (i - in_middle) * side; };
   double mean = 0, variance = side * side * kBox;
   for (int i = 0; i < count; ++i) mean += light[i] * at(i);
   for (int i = 0; i < count; ++i) variance += light[i] * (at(i) - mean) * (at(i) - mean);

@@ -279,17 +279,18 @@ TEST_F(FilmsProgram, NewFilesShowWhatTheTableSays) {
 TEST_F(FilmsProgram, OptionsOfOtherKindsAreRefused) {
   const std::vector<std::string> kinds = {"spread", "comb",      "lift-comb",  "staircase",
                                           "wedge",  "dead-zone", "flat-field", "levels",
-                                          "films",  "f",         "grid"};
+                                          "films",  "f",         "grid",       "dose-combs"};
   const std::map<std::string, std::set<std::string>> of = {
-      {"--resin=egg-resin", {"staircase", "wedge", "flat-field"}},
-      {"--other-wavelength", {"staircase", "wedge", "flat-field"}},
+      {"--resin=egg-resin", {"staircase", "wedge", "flat-field", "dose-combs"}},
+      {"--other-wavelength", {"staircase", "wedge", "flat-field", "dose-combs"}},
+      {"--speed-mm-h=100", {"dose-combs"}},
       {"--height-um=100", {"spread"}},
       {"--uv-mw-cm2=5", {"dead-zone"}},
       {"--exposure-s=3", {"dead-zone", "levels", "films", "f", "grid"}},
       {"--picture=q.png", {"spread", "f"}},
       {"--form=q.csv",
        {"spread", "comb", "lift-comb", "staircase", "wedge", "dead-zone", "flat-field", "levels",
-        "films", "grid"}}};
+        "films", "grid", "dose-combs"}}};
   // No printer: what an option is of is looked at before.
   for (const std::string& kind : kinds) {
     for (const auto& [option, some] : of) {

@@ -108,11 +108,15 @@ class TestPartsProgram : public ProgramFixture {
   /// Edges of a printed column, from the platform on: where the dose, summed over slices, is gel's.
   std::vector<double> edges_um(const std::string& stack, int x, int y, const Truth& t,
                                double speed_mm_h) const {
-    const std::vector<Bytes> all = images(stack);
+    return edges_um(images(stack), kSmallWidth, {x, y}, t, speed_mm_h);
+  }
+  static std::vector<double> edges_um(const std::vector<Bytes>& all, int width,
+                                      const std::pair<int, int>& place, const Truth& t,
+                                      double speed_mm_h) {
     const double a = std::pow(10, -50 / t.ha_um), s = speed_mm_h / 36000;
     std::vector<double> phi;
     for (const Bytes& image : all) {
-      const int level = image[static_cast<std::size_t>(y * kSmallWidth + x)];
+      const int level = image[static_cast<std::size_t>(place.second * width + place.first)];
       // Areal dose that passes while the window moves by one e-fold: light over speed times height.
       const double areal = t.mw_cm2(1 + 99 * level / 255.0) * t.he_um() * 1e-4 / s;
       phi.push_back(areal / t.gel_areal);
@@ -371,6 +375,104 @@ TEST_F(TestPartsProgram, WhatDoesNotBelongIsRefused) {
   EXPECT_THAT(call({"--help"}).out, HasSubstr("tune"));
   // Options may come before the command, too.
   EXPECT_EQ(call(Command{"--quiet", "tune", "far.csv", "-o", "t.toml"} + with).err, "");
+}
+
+// Combs that are corrected for several critical doses, printed on a resin that gels at another dose than its file
+// says, by sums of our own: the dose with which edges print as designed comes back, and goes into the resin's file.
+TEST_F(TestPartsProgram, DoseCombsTellTheDoseToAimAt) {
+  constexpr int wide = 620;
+  write("wide.toml",
+        fmt::format(
+            "name = \"wide\"\n[display]\nwidth_px = {}\nheight_px = 120\npixel_um = 50\n[blue]\n"
+            "calibration = [[0, 1.0], [255, 100.0]]\n[stage]\nmax_speed_mm_h = 2000\n",
+            wide));
+  const RunResult made = good({"testpart", "dose-combs", "--printer", "wide.toml", "--resin",
+                               "r.toml", "--speed-mm-h", "400", "-o", "combs.uvj"});
+  EXPECT_THAT(made.err + made.out, HasSubstr("8 combs for 1 to 8 times the gel dose"));
+  EXPECT_THAT(text_of("combs.html"), HasSubstr("400 mm/h"));
+  EXPECT_THAT(text_of("combs.html"), HasSubstr("slicecorr tune combs.csv"));
+  std::map<std::string, Bytes> sorted;
+  for (const auto& [name, data] : unzip(folder_ / "combs.uvj")) {
+    if (name.starts_with("slice/")) sorted[name] = grey_of_png(data);
+  }
+  std::vector<Bytes> all;
+  for (const auto& [name, pixels] : sorted) all.push_back(pixels);
+  ASSERT_GT(all.size(), 108U);
+  ASSERT_EQ(all.front().size(), wide * 120U);
+  // Columns of a tooth in each comb: from the left in the upper row, then in the lower one. Combs are 90 pixels wide and
+  // 40 high, their teeth the right two thirds.
+  std::vector<std::pair<int, int>> columns;
+  const Bytes& tooth = all[25];
+  for (int y = 0; y < 120; ++y) {
+    for (int x = 0; x < wide; ++x) {
+      const auto lit = [&](int u, int v) {
+        return u >= 0 && v >= 0 && tooth[static_cast<std::size_t>(v * wide + u)] > 0;
+      };
+      if (lit(x, y) && !lit(x - 1, y) && !lit(x, y - 1)) columns.emplace_back(x + 70, y + 20);
+    }
+  }
+  ASSERT_EQ(columns.size(), 8U);
+  const std::vector<double> factors = {1, 1.5, 2, 3, 4, 5, 6.5, 8};
+  const auto print = [&](const Truth& t, const std::string& to) {
+    std::vector<std::vector<double>> edges;
+    for (const auto& column : columns) edges.push_back(edges_um(all, wide, column, t, 400));
+    fill(
+        "combs.csv", "measured_um",
+        [&](const Row& r) {
+          const auto comb = std::find(factors.begin(), factors.end(), number(r, "dose_factor"));
+          EXPECT_NE(comb, factors.end());
+          // Teeth begin and end in turn, and are known by where they are to be: gaps are 600 um and more.
+          const auto& found = edges.at(static_cast<std::size_t>(comb - factors.begin()));
+          const double designed = number(r, "designed_um");
+          double best = NAN;
+          for (std::size_t k = r.at("kind") == "upper" ? 0 : 1; k < found.size(); k += 2) {
+            const double off = std::abs(found[k] - designed);
+            if (off < 450 && !(off > std::abs(best - designed))) best = found[k];
+          }
+          return best;
+        },
+        to);
+  };
+  // Between the combs of 2 and 3 times the growth of teeth is nearly straight in the logarithm: an eighth of that step.
+  const double near = std::log(3.0 / 2) / 8;
+  Truth t;
+  t.ha_um = kHaUm;
+  t.stray_mw_cm2 = 0;
+  t.light = 1;
+  t.gel_areal = 2.6 * kGel;
+  print(t, "first.csv");
+  const RunResult r =
+      good({"tune", "first.csv", "--printer", "wide.toml", "--resin", "r.toml", "-o", "new.toml"});
+  EXPECT_THAT(r.out, HasSubstr("edges print as designed at "));
+  const auto dose_factor = [&](const std::string& file) {
+    const std::string text = text_of(file);
+    return std::stod(text.substr(text.find("dose_factor = ") + 14));
+  };
+  EXPECT_NEAR(std::log(dose_factor("new.toml")), std::log(2.6), near) << r.out;
+  // Less light than the printer's file says is the same as a resin that needs more.
+  t.light = 0.8;
+  print(t, "second.csv");
+  good({"tune", "second.csv", "--printer", "wide.toml", "--resin", "r.toml", "-o", "other.toml"});
+  EXPECT_NEAR(std::log(dose_factor("other.toml")), std::log(2.6 / 0.8), near);
+  // A resin that gels sooner than all combs think: said, with the side on which it lies.
+  t.gel_areal = 0.97 * 0.8 * kGel;
+  print(t, "third.csv");
+  const RunResult less =
+      call({"tune", "third.csv", "--printer", "wide.toml", "--resin", "r.toml", "-o", "no.toml"});
+  EXPECT_EQ(less.exit_code, 2);
+  EXPECT_THAT(less.err, HasSubstr("below it"));
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "no.toml"));
+  // The empty table, and what combs need.
+  EXPECT_THAT(call({"tune", "combs.csv", "--printer", "wide.toml", "--resin", "r.toml"}).err,
+              HasSubstr("0 combs"));
+  const RunResult no_speed = call(
+      {"testpart", "dose-combs", "--printer", "wide.toml", "--resin", "r.toml", "-o", "x.uvj"});
+  EXPECT_EQ(no_speed.exit_code, 2);
+  EXPECT_THAT(no_speed.err, HasSubstr("--speed-mm-h"));
+  const RunResult fast = call({"testpart", "dose-combs", "--printer", "wide.toml", "--resin",
+                               "r.toml", "--speed-mm-h", "2000", "-o", "fast.uvj"});
+  EXPECT_EQ(fast.exit_code, 0) << fast.err;
+  EXPECT_THAT(fast.err, HasSubstr("no comb for 4 times the gel dose"));
 }
 
 // Teeth of few and of many layers, printed lift by lift by sums of our own: the share of resin that each

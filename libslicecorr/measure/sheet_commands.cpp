@@ -17,6 +17,7 @@ std::vector<std::string> commands_on(const std::string& part, const std::string&
        {"slicecorr tune {0} --printed print.uvj --printer {1} --resin my-resin.toml -o tuned.toml"}},
       {"lift-comb",
        {"slicecorr tune {0} --printed print.uvj --printer {1} --resin my-resin.toml -o tuned.toml"}},
+      {"dose-combs", {"slicecorr tune {0} --printer {1} --resin my-resin.toml -o tuned.toml"}},
       {"staircase",
        {"slicecorr tune {0} --printer {1} --resin my-resin.toml -o tuned.toml",
         "resinctl fit {0} --model kinetic -o new-resin.toml   # a resin that has no file yet"}},
@@ -44,6 +45,7 @@ std::string readers_of(const std::string& part) {
   static const std::map<std::string, std::string> readers = {
       {"comb", "slicecorr tune"},
       {"lift-comb", "slicecorr tune"},
+      {"dose-combs", "slicecorr tune"},
       {"staircase", "slicecorr tune or resinctl fit --model kinetic"},
       {"wedge", "slicecorr tune or resinctl fit --model jacobs"},
       {"dead-zone", "resinctl fit --model deadzone-steady"},

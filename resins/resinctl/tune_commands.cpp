@@ -21,6 +21,7 @@
 #include "slicecorr/light_map.hpp"
 #include "slicecorr/light_unit.hpp"
 #include "slicecorr/load_printer.hpp"
+#include "slicecorr/resins/dose_combs_fit.hpp"
 #include "slicecorr/resins/exchange.hpp"
 #include "slicecorr/resins/gel_time_fit.hpp"
 #include "slicecorr/resins/time_scale.hpp"
@@ -150,6 +151,34 @@ int tune_by_times(const cli::TuneOptions& a, cli::Console& console) {
   return cli::kDone;
 }
 
+/// Combs that were corrected for several critical doses: the dose to aim at.
+int tune_by_dose_combs(const cli::TuneOptions& a, cli::Console& console) {
+  if (a.tables.size() != 1) {
+    throw InputError(
+        a.tables.front(), "",
+        "is among several tables, one of dose-combs; expected a table of dose-combs alone");
+  }
+  if (!a.printed.empty() || !a.printer_output.empty()) {
+    throw InputError(
+        "combs by critical dose say nothing of a printed stack or of a printer's light; expected their table "
+        "without --printed and --printer-output");
+  }
+  const std::string resin_path = find_definition(a.resin, "resin");
+  cli::check_output(a.output, {a.tables.front(), resin_path});
+  const std::string text = read_text_file(resin_path);
+  for (const std::string& told :
+       a.light.checked(load_printer(a.printer), parse_resin(text, resin_path))) {
+    console.say(told);
+  }
+  const DoseCombsFit fit = fit_dose_combs(a.tables.front());
+  if (!a.output.empty()) {
+    cli::write_text_file(a.output,
+                         resin_with_dose_factor(text, resin_path, name_in_file(a.output, ""), fit));
+  }
+  cli::print_result(fit.to_text());
+  return cli::kDone;
+}
+
 int tune_command(const cli::TuneOptions& a, const ExecutionContext& context,
                  cli::Console& console) {
   const auto of_times = [](const std::string& path) {
@@ -166,6 +195,9 @@ int tune_command(const cli::TuneOptions& a, const ExecutionContext& context,
     }
   }
   if (std::any_of(a.tables.begin(), a.tables.end(), of_times)) return tune_by_times(a, console);
+  if (std::any_of(a.tables.begin(), a.tables.end(), is_dose_combs_table)) {
+    return tune_by_dose_combs(a, console);
+  }
   const std::string resin_path = find_definition(a.resin, "resin");
   const std::string printer_path = find_definition(a.printer, "printer");
   const std::string printer_output = printer_output_of(a);

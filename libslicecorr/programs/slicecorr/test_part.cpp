@@ -12,6 +12,7 @@
 #include <optional>
 
 #include "programs/common/make_part.hpp"
+#include "slicecorr/dose_combs.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/file_greys.hpp"
 #include "slicecorr/films_part.hpp"
@@ -45,11 +46,12 @@ struct OfSomeKinds {
 
 const std::vector<OfSomeKinds>& options_of_some() {
   static const std::vector<OfSomeKinds> options = {
-      {"--resin", {"staircase", "wedge", "flat-field"}},
-      {"--other-wavelength", {"staircase", "wedge", "flat-field"}},
+      {"--resin", {"staircase", "wedge", "flat-field", "dose-combs"}},
+      {"--other-wavelength", {"staircase", "wedge", "flat-field", "dose-combs"}},
+      {"--speed-mm-h", {"dose-combs"}},
       {"--form",
        {"staircase", "comb", "lift-comb", "wedge", "dead-zone", "spread", "flat-field", "levels",
-        "films", "grid"}},
+        "films", "grid", "dose-combs"}},
       {"--height-um", {"spread"}},
       {"--uv-mw-cm2", {"dead-zone"}},
       {"--exposure-s", {"dead-zone", "levels", "films", "f", "grid"}},
@@ -262,6 +264,28 @@ int tuning_part(TuningPartKind kind, const TestPartOptions& o, const ExecutionCo
   return kDone;
 }
 
+int dose_combs(const TestPartOptions& o, const ExecutionContext& context, Console& console) {
+  const StackFile file = file_of(o, context);
+  const Beside beside(o);
+  Printer printer = load_printer(o.printer);
+  printer = printer_for_file(printer, file, plate_grid(printer), context);
+  if (o.resin.empty() || !(o.speed_mm_h > 0)) {
+    throw InputError(
+        "a part 'dose-combs' is corrected for resin and speed; expected --resin and --speed-mm-h");
+  }
+  const Resin resin = load_resin(o.resin);
+  for (const std::string& text : o.light.checked(printer, resin, false)) context.tell(text);
+  const DoseCombs part(printer, resin, {o.layer_um, o.speed_mm_h}, context);
+  for (const std::string& why : part.left_out()) context.tell(why);
+  const StackInfo info = write_measured(part, file, printer, o, context);
+  console.say(fmt::format(
+      "{}: {} combs for {:g} to {:g} times the gel dose, {} images of {:.4g} s, corrected: print it as it is at "
+      "{:g} mm/h; fill in {}, print {}",
+      o.output, part.dose_factors().size(), part.dose_factors().front(), part.dose_factors().back(),
+      info.grid.layers, part.image_s().front(), o.speed_mm_h, beside.form, beside.sheet));
+  return kDone;
+}
+
 /// Layers are as high as those of the file that gets them, where nothing else was asked for.
 void take_layer_height(TestPartOptions& o) {
   constexpr double kUsualUm = 50;
@@ -280,6 +304,7 @@ int test_part(const TestPartOptions& asked, const ExecutionContext& context, Con
   }
   if (o.kind == "levels") return level_images(o, context, console);
   if (o.kind == "films") return films_part(o, context, console);
+  if (o.kind == "dose-combs") return dose_combs(o, context, console);
   if (o.kind == "grid") return grid_part(o, context, console);
   if (o.kind == "f") return letter_part(o, context, console);
   const StackFile file = file_of(o, context);
@@ -318,14 +343,16 @@ void add_test_part(Program& program, TestPartOptions& o) {
   sub->add_option(
          "KIND", o.kind,
          "staircase (plugs of several intensities and doses), comb (teeth and gaps, "
-         "printed), lift-comb (the same, printed layer by layer), wedge (steps of rising dose), dead-zone (plugs under UV light), spread "
+         "printed), lift-comb (the same, printed layer by layer), dose-combs (combs corrected for several critical doses), wedge (steps of rising dose), dead-zone (plugs under UV light), spread "
          "(lines and gaps), flat-field (plugs all over the plate), grid (crosses, which show where pixels land), levels (even images of grey "
          "levels, for a power meter), films (squares of times and grey levels, for calipers), f (an F, which shows how the screen turns and mirrors)")
-      ->check(CLI::IsMember({"spread", "comb", "lift-comb", "staircase", "wedge", "dead-zone",
-                             "flat-field", "grid", "levels", "films", "f"}))
+      ->check(CLI::IsMember({"spread", "comb", "lift-comb", "dose-combs", "staircase", "wedge",
+                             "dead-zone", "flat-field", "grid", "levels", "films", "f"}))
       ->capture_default_str();
   sub->add_option("--resin", o.resin,
-                  "Resin of a staircase, wedge or flat-field: a .toml file or a name");
+                  "Resin of a staircase, wedge, flat-field or dose-combs: a .toml file or a name");
+  sub->add_option("--speed-mm-h", o.speed_mm_h, "dose-combs: speed at which they are printed")
+      ->check(number_in(0, 1e6, true));
   o.light.add_to(*sub);
   sub->add_option("--printer", o.printer, "Printer: a .toml file or a name")->required();
   sub->add_option("-o,--output", o.output, "Stack to write (.uvj, or another format)")->required();

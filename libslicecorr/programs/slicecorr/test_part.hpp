@@ -18,6 +18,7 @@ struct TestPartOptions {
   double height_um = 500, uv_mw_cm2 = 0;
   double layer_um = 0;    ///< 0: not said
   double exposure_s = 0;  ///< 0: not said
+  double speed_mm_h = 0;  ///< of dose-combs
 };
 void add_test_part(Program& program, TestPartOptions& options);
 

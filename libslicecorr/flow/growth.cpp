@@ -121,9 +121,12 @@ void GapGrowth::find_gap() {
 }
 
 double GapGrowth::face_gap_um(const GrowthFace& face) const {
-  double h = felt_[static_cast<std::size_t>(face.to)];
-  if (face.from >= 0) h = std::min(h, felt_[static_cast<std::size_t>(face.from)]);
-  return h + scale_.slope * face.reach_um;
+  const double h = felt_[static_cast<std::size_t>(face.to)];
+  // Half way between two cells: so the error goes with the square of a cell.
+  if (face.from >= 0) return 0.5 * (h + felt_[static_cast<std::size_t>(face.from)]);
+  // At an outline as the front goes on from the cell before; its slope has its bound already.
+  const double inner = face.beyond_to >= 0 ? felt_[static_cast<std::size_t>(face.beyond_to)] : h;
+  return h + std::max(0.0, 0.5 * (h - inner));
 }
 
 void GapGrowth::find_flow() {

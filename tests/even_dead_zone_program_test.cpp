@@ -141,7 +141,8 @@ DoseSummary swept(const std::string& stack_path, const std::string& target_path,
 }
 
 TEST_F(EvenDeadZoneProgram, ADiscBecomesEvenWithBothLights) {
-  const json j = print("disc", "patterned.toml", "both", "120");
+  std::string told;
+  const json j = print("disc", "patterned.toml", "both", "120", &told);
   const json& flow = j["flow"];
   EXPECT_EQ(flow["gap_um"], 120);
   // Slices 0, 20 and the last, those half way between, and more where they did not fit; they are one section.
@@ -169,14 +170,12 @@ TEST_F(EvenDeadZoneProgram, ADiscBecomesEvenWithBothLights) {
     EXPECT_NEAR(own.within_10, s["within_10_percent"].get<double>(), 0.02);
     EXPECT_NEAR(own.mean, s["dose"]["mean"].get<double>(), ring / 2 * 0.5);
   }
-  // Before the flow is steady it sticks at its outline: fresh resin has not come yet. Cells are 8 mm / 30.
+  // It prints before the flow is steady, too: light that was made for flowing resin alone would stick.
   const json& first = j["first_slices"];
-  EXPECT_EQ(first["slices"], 24);
-  EXPECT_EQ(first["prints"], false);
-  EXPECT_LE(first["sticks"]["slice"], 3);
-  const double from_middle = std::hypot(first["sticks"]["x_mm"].get<double>() - 6.5,
-                                        first["sticks"]["y_mm"].get<double>() - 6.5);
-  EXPECT_NEAR(from_middle, 4, 2 * 8.0 / 30);
+  EXPECT_GE(first["slices"], 24);
+  EXPECT_EQ(first["prints"], true);
+  EXPECT_FALSE(first.contains("sticks"));
+  EXPECT_THAT(told, HasSubstr("slices print before the flow is steady"));
   // The part itself is no worse for it: solid, nothing lost.
   EXPECT_EQ(j["undercure_voxels"], 0);
   EXPECT_EQ(j["lost_features"], 0);
@@ -207,7 +206,9 @@ TEST_F(EvenDeadZoneProgram, ASquareBecomesMoreEvenWithBlueUnderAFlood) {
   const json& s = flow["slices"][0];
   const DoseSummary own =
       swept(folder_ / "out.uvj", folder_ / "square.uvj", s["slice"], folder_.path());
-  EXPECT_NEAR(own.within_10, s["within_10_percent"].get<double>(), 0.02);
+  // As of the disc: cells on the outline alone may differ, half of the ring of cells of 125 um.
+  const double ring = 1 - std::pow(1 - 0.125 / 4, 2);
+  EXPECT_NEAR(own.within_10, s["within_10_percent"].get<double>(), ring / 2);
   EXPECT_EQ(j["undercure_voxels"], 0);
   // Those who correct are told what those who verify are.
   const RunResult seen = call({"verify", "out.uvj", "--target", "square.uvj"});
@@ -291,6 +292,15 @@ TEST_F(EvenDeadZoneProgram, WhatCannotBeIsRefused) {
               {"--mode", "layerwise", "--exposure-s", "2", "--even-dead-zone", "blue"}),
       {"an even dead zone", "layer by layer"});
   bad(3, correct("weak.toml", "resin.toml", even + Command{"--gap-um", "120"}), {"suction"});
+  // What is even once the flow is steady, and sticks before: with the slice, the time and the place.
+  std::ofstream(folder_ / "dim.toml")
+      << "name = \"dim\"\n[display]\nwidth_px = 260\nheight_px = 260\npixel_um = 50\n"
+         "[blue]\ncalibration = [[0, 0.0], [255, 200.0]]\n[uv]\nkind = \"flood\"\n"
+         "calibration = [[0, 0.0], [255, 100.0]]\n[stage]\nmax_speed_mm_h = 5000\n";
+  bad(3,
+      correct("dim.toml", "resin.toml",
+              {"--speed-mm-h", "300", "--even-dead-zone", "constant", "--gap-um", "60"}),
+      {"even dead zone of 60 um", "sticks to the window in slice", "less speed"});
 }
 
 }  // namespace

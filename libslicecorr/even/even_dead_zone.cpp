@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <memory>
 
@@ -13,6 +14,7 @@
 #include "even/undercured.hpp"
 #include "slicecorr/cure.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/first_slices.hpp"
 #include "slicecorr/limit.hpp"
 #include "slicecorr/setup.hpp"
 
@@ -53,31 +55,33 @@ std::shared_ptr<const EvenLight> with_blue_as_uv(EvenLight light) {
   return std::make_shared<const EvenLight>(std::move(light));
 }
 
-/// The light, in a dead zone that columns can print with. The one with which the largest section comes out
+/// One search for light.
+struct Try {
+  Try(const SliceSource& target, Setup with, const ExecutionContext& context, int every,
+      double hold_off)
+      : asked(std::move(with)), finder(target, asked, context, every, hold_off) {
+    process = finder.find();
+  }
+  double gap_um() const { return process.even_light->gap_um; }
+  Setup asked;
+  detail::EvenFinder finder;
+  Process process;
+  std::uint64_t undercured = 0;
+};
+
+/// Light in a dead zone that columns can print with. The one with which the largest section comes out
 /// best may be so thick that resin has too little light left on its way: where nobody said it, it is made
 /// thinner until nothing is undercured, or no less is.
-Process best_that_prints(const SliceSource& target, const Setup& setup,
-                         const ExecutionContext& context, int every) {
+std::unique_ptr<const Try> best_gap(const SliceSource& target, const Setup& setup,
+                                    const ExecutionContext& context, int every, double hold_off) {
   constexpr double kThinner = 0.87;
   constexpr int kMostTries = 8;
-  struct Try {
-    Try(const SliceSource& target, Setup with, const ExecutionContext& context, int every)
-        : asked(std::move(with)), finder(target, asked, context, every), process(finder.find()) {}
-    double gap_um() const { return process.even_light->gap_um; }
-    Setup asked;
-    detail::EvenFinder finder;
-    Process process;
-    std::uint64_t undercured = 0;
-  };
   std::unique_ptr<const Try> best;
   double first_um = 0;
   Setup asked = setup;
   for (int tries = 1;; ++tries) {
-    auto now = std::make_unique<Try>(target, asked, context, every);
-    if (setup.gap_um > 0) {
-      now->finder.tell(now->process);
-      return now->process;
-    }
+    auto now = std::make_unique<Try>(target, asked, context, every, hold_off);
+    if (setup.gap_um > 0) return now;
     const double gap_um = now->gap_um();
     now->undercured = detail::undercured_voxels(
         target, {setup.printer, setup.resin, now->process, gap_um}, context);
@@ -90,7 +94,6 @@ Process best_that_prints(const SliceSource& target, const Setup& setup,
       break;
     }
   }
-  best->finder.tell(best->process);
   if (best->gap_um() < first_um) {
     context.tell(fmt::format(
         "a dead zone of {:.4g} um comes out best where resin gels, but leaves features undercured; "
@@ -98,6 +101,40 @@ Process best_that_prints(const SliceSource& target, const Setup& setup,
         first_um, best->gap_um(),
         best->undercured == 0 ? std::string("none") : fmt::format("{} voxels", best->undercured)));
   }
+  return best;
+}
+
+/// The light, such that the first slices print. Patterns count on what flowing resin brings along: inhibitor in
+/// store from where UV light is strong, and a front that is level up to the outline. At first there is neither, and
+/// resin sticks where curing light comes near to what UV light holds off the window. So every place's curing light is
+/// kept below a share of that.
+Process light_that_prints(const SliceSource& target, const Setup& setup,
+                          const ExecutionContext& context, int every) {
+  constexpr std::array kHeldOff{0.9, 0.75};
+  const bool patterned = setup.process.even_dead_zone != EvenDeadZone::constant;
+  std::unique_ptr<const Try> best;
+  FirstSlices first;
+  Setup asked = setup;
+  for (const double share : kHeldOff) {
+    best = best_gap(target, asked, context, every, share);
+    // What another share changes is the light, not the gap.
+    asked.gap_um = best->gap_um();
+    const Setup with{setup.printer, setup.resin, best->process, best->gap_um()};
+    first = follow_first_slices(target, FlowPixels::coverage, with, context);
+    if (!first.sticks || !patterned) break;
+  }
+  if (first.sticks) {
+    throw InfeasibleError(fmt::format(
+        "even dead zone of {:.4g} um: {}{}; expected another gap, less speed, or a UV lamp that gives more",
+        best->gap_um(), first.in_words(),
+        patterned
+            ? fmt::format(
+                  ", although curing light is kept to {:g} % of what UV light holds off there",
+                  100 * kHeldOff.back())
+            : std::string()));
+  }
+  best->finder.tell(best->process);
+  context.tell(first.in_words());
   return best->process;
 }
 
@@ -109,7 +146,7 @@ Process find_even_light(const SliceSource& target, const Setup& setup,
     return setup.process;
   }
   check_setup(setup);
-  Process process = best_that_prints(target, setup, context, every);
+  Process process = light_that_prints(target, setup, context, every);
   judge_suction(target, {setup.printer, setup.resin, process, setup.gap_um}, context);
   return process;
 }

@@ -43,9 +43,8 @@ constexpr double kSmoothUm = 150;
 /// Most dose at the window that light is sought with, at each try: what images show of it, and what lies
 /// between two slices, comes to more here and there, and must stay below 1.
 constexpr std::array kWindows{0.9, 0.7, 0.4, 0.4};
-/// From this try on every cell keeps its own curing light off the window, which costs up to 5 % of the section and
-/// lasts where resin flows otherwise than it was sought for. Where there are no rounds for so many tries, all do.
-constexpr std::size_t kHoldsOff = 2;
+/// As which try the light of a slice is sought that had none of its own.
+constexpr std::size_t kSafeTry = 2;
 /// Share of the section by which light by place may do worse than light that is the same everywhere
 /// before it is given up, and the latter before it is sought anew: its own changes between slices, and
 /// levels, cost as much.
@@ -93,12 +92,13 @@ double worse_by(const FrontDose& light, const FrontDose& other) {
 }  // namespace
 
 EvenFinder::EvenFinder(const SliceSource& target, const Setup& setup,
-                       const ExecutionContext& context, int every)
+                       const ExecutionContext& context, int every, double hold_off)
     : target_(target),
       setup_(setup),
       context_(context),
       alone_(silent(context)),
       every_(every),
+      hold_off_(hold_off),
       design_(target, setup, {setup.gap_um, 0}, context) {
   goal_.pattern = pattern_of(setup.process.even_dead_zone);
   goal_.max_blue_mw_cm2 = even_blue_cap(target, setup);
@@ -361,14 +361,11 @@ std::optional<EvenFinder::How> EvenFinder::next_try(const FlowDoses::Slice& judg
   return How::constant;
 }
 
-/// Whether there are not as many rounds as it takes to find out which slices need safer light.
-bool EvenFinder::few_rounds() const { return rounds_ - kLastRounds <= static_cast<int>(kHoldsOff); }
-
 /// How often the light of a slice was sought for what came out. One that has none yet lies where light
 /// changes fast, and is to be safe.
 std::size_t EvenFinder::tries_of(int slice) const {
   const auto at = std::lower_bound(found_.slices.begin(), found_.slices.end(), slice);
-  if (at == found_.slices.end() || *at != slice) return kHoldsOff;
+  if (at == found_.slices.end() || *at != slice) return kSafeTry;
   return found_.tries[static_cast<std::size_t>(at - found_.slices.begin())];
 }
 
@@ -407,9 +404,9 @@ std::vector<EvenFinder::SharedLight> EvenFinder::seek(const EvenSections& sectio
     const double speed_mm_h = setup_.process.speed_mm_h;
     SectionOptimum best =
         task.start && goal.pattern != FlowPattern::constant
-            ? optimise_section_from({task.start->best.blue_mw_cm2, task.start->best.uv_mw_cm2,
-                                     task.tries >= kHoldsOff || few_rounds()},
-                                    section, pressure, sections.resin(), speed_mm_h, goal, alone_)
+            ? optimise_section_from(
+                  {task.start->best.blue_mw_cm2, task.start->best.uv_mw_cm2, hold_off_}, section,
+                  pressure, sections.resin(), speed_mm_h, goal, alone_)
             : optimise_section(section, pressure, sections.resin(), speed_mm_h, goal, alone_);
     lights[k] = light_of(section, goal.image.get(), std::move(best));
   });

@@ -21,8 +21,10 @@ namespace slicecorr::detail {
 class EvenFinder {
  public:
   /// `every`: slices 0, every, 2 every ... and the last are looked at, and more where sections change.
+  /// `hold_off`: every cell's curing light is to be at most this share of what its UV light holds off the
+  /// window; > 0.
   EvenFinder(const SliceSource& target, const Setup& setup, const ExecutionContext& context,
-             int every);
+             int every, double hold_off);
   /// The process of the setup with its light.
   Process find();
   /// Tells gap, slices and caps through the context.
@@ -74,7 +76,6 @@ class EvenFinder {
   Found guessed_light(const Setup& setup);
   Look mend(const Setup& setup, int round);
   std::optional<How> next_try(const FlowDoses::Slice& judged, int round, std::size_t& room) const;
-  bool few_rounds() const;
   std::size_t tries_of(int slice) const;
   std::vector<int> sticking(const Setup& setup) const;
   Found with_constant(const std::vector<int>& slices, const Setup& setup) const;
@@ -102,6 +103,7 @@ class EvenFinder {
   const ExecutionContext& context_;
   const ExecutionContext alone_;
   int every_;
+  double hold_off_;
   EvenSections design_;  ///< all that is part, dark or not
   SectionGoal goal_;
   Found found_;

@@ -82,7 +82,7 @@ struct Task {
       asked;  ///< whose light is sought: those of part, and others that they show
   std::vector<int> right, below;  ///< of those, their neighbours among them; -1 without
   std::vector<double> distance_um;
-  bool holds_off = false;  ///< `StartLight::holds_off`
+  double holds_off = 0;  ///< `StartLight::holds_off`
 
   std::vector<double> weight(double gap_um) const {
     std::vector<double> w(section.size(), 0.0);
@@ -252,7 +252,7 @@ class AtGap {
     sum += rough(x, 0, blue_size(), gradient);
     sum += rough(x, blue_size(), uv_size(), gradient);
     sum += pulled(x, gradient);
-    if (t_.holds_off) sum += held_off(x, gradient);
+    if (t_.holds_off > 0) sum += held_off(x, gradient);
     return sum;
   }
 
@@ -287,7 +287,7 @@ class AtGap {
 
   double held_off(const std::vector<double>& x, std::vector<double>& gradient) const {
     const double uv_to_blue =
-        t_.resin.kinetics.beta * t_.goal.max_uv_mw_cm2 / t_.goal.max_blue_mw_cm2;
+        t_.holds_off * t_.resin.kinetics.beta * t_.goal.max_uv_mw_cm2 / t_.goal.max_blue_mw_cm2;
     const double cost = kHoldOffCost / static_cast<double>(t_.asked.size());
     double sum = 0;
     for (std::size_t k = 0; k < t_.asked.size(); ++k) {
@@ -526,7 +526,7 @@ SectionOptimum optimum(const FlowSection& section, const GapPressure& pressure,
     throw InputError("flow", "pressure", "is of a gap that varies; expected that of an even one");
   }
   Task task = make_task(section, pressure, resin, speed_mm_h, goal, context);
-  task.holds_off = start && start->holds_off;
+  task.holds_off = start ? start->holds_off : 0;
   const Scan scan = start ? scan_of(task, *start) : scan_gaps(task, false);
   const AtGap at(task, scan.gap_um);
   Choice choice;

@@ -12,9 +12,10 @@ namespace slicecorr::detail {
 struct StartLight {
   const std::vector<double>& blue_mw_cm2;
   const std::vector<double>& uv_mw_cm2;
-  /// Cells are to keep their curing light off the window each by itself, beta Iuv >= Ib, wherever resin
-  /// comes from: such a light lasts in the next slices.
-  bool holds_off = false;
+  /// Above 0: cells are to keep their curing light off the window each by itself, Ib at most this share of
+  /// beta Iuv, wherever resin comes from: such a light lasts in the next slices (1), and before the flow is
+  /// steady (less).
+  double holds_off = 0;
 };
 /// `optimise_section` at `goal.min_gap_um` from a light that is nearly right.
 SectionOptimum optimise_section_from(const StartLight& start, const FlowSection& section,

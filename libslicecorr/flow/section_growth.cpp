@@ -46,7 +46,9 @@ class PartGrowth {
   PrintInTime run() {
     PrintInTime all;
     all.top_um = how_.top_um;
-    const int slices = std::min(how_.slices, part_.slices());
+    int slices = std::min(how_.slices, part_.slices());
+    // Corrected stacks go on behind the part: what is shown there has nothing above it that draws resin in.
+    while (slices > 1 && part_.mask_of(slices - 1) < 0) --slices;
     for (int n = 0; n < slices && !all.sticks; ++n) {
       context_.report("follow the print", static_cast<double>(n) / slices);
       const int mask = part_.mask_of(n);

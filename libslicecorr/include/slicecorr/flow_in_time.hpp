@@ -33,8 +33,10 @@
 namespace slicecorr {
 
 struct InTime {
-  double layer_um = 50;      ///< of discs and strips; parts have their own. > 0
-  int slices = 60;           ///< how many are followed, 1 or more; of a part at most its own
+  double layer_um = 50;  ///< of discs and strips; parts have their own. > 0
+  /// How many are followed, 1 or more; of a part at most its own, without those at its end in which no cell has
+  /// gelled material above.
+  int slices = 60;
   double first_gap_um = 25;  ///< between window and platform at the first instant, > 0
   double slope = 0.7;        ///< by which the front may rise for what flows, > 0
   double level_um = 5;       ///< height of a level over the window, > 0

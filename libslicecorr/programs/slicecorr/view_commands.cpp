@@ -7,11 +7,11 @@
 #include <nlohmann/json.hpp>
 
 #include "commands.hpp"
-#include "flow_in_time.hpp"
 #include "programs/common/database_band.hpp"
 #include "programs/common/make_part.hpp"
 #include "slicecorr/bodies.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/first_slices.hpp"
 #include "slicecorr/report.hpp"
 #include "slicecorr/same_light.hpp"
 #include "slicecorr/solid.hpp"
@@ -174,7 +174,10 @@ int verify(const Arguments& asked, const ExecutionContext& context, Console& con
   const WantedDoses wanted(a.doses, *given.target, given.setup.printer, a.mesh, nullptr,
                            a.missing(), folder_of(a.target), context);
   const Prediction p = verified(given, *wanted, context);
-  const std::optional<FirstSlices> first = follow_first_slices(given.stack, context);
+  std::optional<FirstSlices> first;
+  if (given.setup.process.even_light) {
+    first = follow_first_slices(given.stack, FlowPixels::light, given.setup, context);
+  }
   if (!a.output.empty()) {
     const double scale_um = 0.5 * given.stack.grid().layer_um;
     const auto png = encode_png(side_by_side(surface_picture(*p.maps, true, scale_um),
@@ -203,7 +206,7 @@ int verify(const Arguments& asked, const ExecutionContext& context, Console& con
     }
     print_or_write(a.json, first ? figures.dump(2) : figures_json(p));
   }
-  if (first) context.tell(first->words);
+  if (first) context.tell(first->in_words());
   tell_bodies(p, context);
   bool missed = false;
   const auto limit = [&](const char* name, const Histogram& errors, double most_um) {

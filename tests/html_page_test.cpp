@@ -58,9 +58,12 @@ TEST(HtmlPage, ListsAndFigures) {
             "<figure><img><figcaption>a &lt; b</figcaption></figure>");
   chart::Picture picture("A < B", "a picture");
   const std::string svg = picture.svg();
-  EXPECT_EQ(drawing(svg).html(), "<figure><div class=\"scroll\">" + svg + "</div></figure>");
-  EXPECT_EQ(drawing(svg, "R&D").html(), "<figure><div class=\"scroll\">" + svg +
-                                            "</div><figcaption>R&amp;D</figcaption></figure>");
+  EXPECT_EQ(drawing(svg).html(),
+            "<figure><div class=\"scroll\" tabindex=\"0\" role=\"group\" aria-label=\"Scrolls\">" +
+                svg + "</div></figure>");
+  EXPECT_EQ(drawing(svg, "R&D").html(),
+            "<figure><div class=\"scroll\" tabindex=\"0\" role=\"group\" aria-label=\"Scrolls\">" +
+                svg + "</div><figcaption>R&amp;D</figcaption></figure>");
 }
 
 TEST(HtmlPage, Tiles) {
@@ -82,14 +85,15 @@ TEST(HtmlPage, TablesEscapeHeadsAndCells) {
   table.cell(markup("<b>{}</b>", 2), "bad");
   table.cell("z", {}, 3);
   table.row_of({"p<", "q>"});
-  EXPECT_EQ(html_of(table),
-            "<div class=\"scroll\"><table class=\"figures\"><thead><tr><th scope=\"col\">R&amp;D"
-            "</th><th scope=\"col\">b</th><th scope=\"col\" class=\"words\">c</th></tr></thead>"
-            "<tbody><tr><th scope=\"row\">&lt;x&gt;</th><td>1.5</td><td>" +
-                std::string(kEscaped) +
-                "</td></tr><tr class=\"fault\"><th scope=\"col\">y</th><td class=\"bad\"><b>2</b>"
-                "</td><td colspan=\"3\">z</td></tr><tr><th scope=\"row\">p&lt;</th><td>q&gt;</td>"
-                "</tr></tbody></table></div>");
+  EXPECT_EQ(
+      html_of(table),
+      "<div class=\"scroll\" tabindex=\"0\" role=\"group\" aria-label=\"Scrolls\"><table class=\"figures\"><thead><tr><th scope=\"col\">R&amp;D"
+      "</th><th scope=\"col\">b</th><th scope=\"col\" class=\"words\">c</th></tr></thead>"
+      "<tbody><tr><th scope=\"row\">&lt;x&gt;</th><td>1.5</td><td>" +
+          std::string(kEscaped) +
+          "</td></tr><tr class=\"fault\"><th scope=\"col\">y</th><td class=\"bad\"><b>2</b>"
+          "</td><td colspan=\"3\">z</td></tr><tr><th scope=\"row\">p&lt;</th><td>q&gt;</td>"
+          "</tr></tbody></table></div>");
 }
 
 TEST(HtmlPage, TablesThatScroll) {
@@ -99,7 +103,9 @@ TEST(HtmlPage, TablesThatScroll) {
   EXPECT_EQ(html_of(table),
             "<div class=\"scroll tall\" tabindex=\"0\" role=\"region\" aria-label=\"a "
             "&quot;b&quot;\"><table><tbody><tr><td>1</td><td>&lt;</td></tr></tbody></table></div>");
-  EXPECT_EQ(html_of(Table()), "<div class=\"scroll\"><table><tbody></tbody></table></div>");
+  EXPECT_EQ(
+      html_of(Table()),
+      "<div class=\"scroll\" tabindex=\"0\" role=\"group\" aria-label=\"Scrolls\"><table><tbody></tbody></table></div>");
 }
 
 TEST(HtmlPage, APageIsWhole) {

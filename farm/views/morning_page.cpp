@@ -415,7 +415,7 @@ std::string morning_page(const MorningReport& r, const LinkTo& links) {
     page += markup("<h2>Disk</h2>{}", disk(r));
   } else {
     page += markup(
-        R"(<h2>Over time, and on the disk</h2><div class="side"><div class="scroll"><figure>{}</figure></div><div>{}</div></div>)",
+        R"(<h2>Over time, and on the disk</h2><div class="side"><div class="scroll" tabindex="0" role="group" aria-label="Scrolls"><figure>{}</figure></div><div>{}</div></div>)",
         Markup::raw(charts(r)), disk(r));
   }
   return page.html();

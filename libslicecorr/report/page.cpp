@@ -370,10 +370,10 @@ std::string make_report(const ReportContent& c, const ExecutionContext& context)
     }
     const std::size_t slices = std::max(c.column_before.size(), c.column_after.size());
     page += markup(
-        R"(<h3>Column {}, {}</h3><p class="dim">Through the largest height error of the uncorrected part. Shaded: the design; line: dose; steps: grey level.</p><div class="scroll"><figure>{}</figure></div><div class="scroll"><figure>{}</figure></div>)",
+        R"(<h3>Column {}, {}</h3><p class="dim">Through the largest height error of the uncorrected part. Shaded: the design; line: dose; steps: grey level.</p>{}{})",
         c.column_x, c.column_y,
-        Markup::raw(column_svg(c.column_before, model, "Uncorrected", top, slices)),
-        Markup::raw(column_svg(c.column_after, model, "This stack", top, slices)));
+        page::drawing(column_svg(c.column_before, model, "Uncorrected", top, slices)),
+        page::drawing(column_svg(c.column_after, model, "This stack", top, slices)));
   }
   page += markup(R"(<p class="dim">{}</p>)", c.info.program);
   if (moving) {

@@ -15,7 +15,8 @@ Markup of_class(std::string_view kind) {
 
 Table::Table(std::string_view kind, std::string_view label, bool tall) {
   open_ = markup(R"(<div class="scroll{}")", tall ? " tall" : "");
-  if (!label.empty()) open_ += markup(R"( tabindex="0" role="region" aria-label="{}")", label);
+  open_ += label.empty() ? Markup::raw(kScrolls)
+                         : markup(R"( tabindex="0" role="region" aria-label="{}")", label);
   open_ += markup("><table{}>", of_class(kind));
 }
 

@@ -76,9 +76,10 @@ Markup items(const Texts& texts) {
   for (const auto& text : texts) html += markup("<li>{}</li>", text);
   return html;
 }
-/// In a box that scrolls where the page is narrower.
+/// Of a box that scrolls where the page is narrower: keys scroll it, too.
+inline constexpr std::string_view kScrolls = R"( tabindex="0" role="group" aria-label="Scrolls")";
 inline Markup scrolled(const Markup& wide) {
-  return markup(R"(<div class="scroll">{}</div>)", wide);
+  return markup(R"(<div class="scroll"{}>{}</div>)", Markup::raw(kScrolls), wide);
 }
 inline Markup captioned(const Markup& picture, const Markup& words) {
   return markup("<figure>{}<figcaption>{}</figcaption></figure>", picture, words);

@@ -8,6 +8,7 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <filesystem>
 #include <memory>
 #include <string>
@@ -21,6 +22,19 @@ using slicecorr::test::chromium;
 using slicecorr::test::DrivenPage;
 
 inline const std::string kSubmit(40, 's'), kOperate(40, 'p');
+
+/// A table of cured heights, to be fitted.
+inline std::string heights_of_a_resin() {
+  std::string csv = "intensity_mw_cm2,exposure_s,cured_height_um\n";
+  // Heights of the kinetic law h/m ln(I^m t / D'c), nearly: h = 120 um, m = 0.8, D'c = 12.
+  for (const double i : {5.0, 15.0}) {
+    for (const double t : {6.0, 10.0, 16.0, 25.0, 40.0}) {
+      csv +=
+          fmt::format("{},{},{:.3f}\n", i, t, 150 * std::log(std::pow(i, 0.8) * t / 12) + t / 50);
+    }
+  }
+  return csv;
+}
 
 /// A lab's farm, its server and a browser.
 class LabInABrowser : public ::testing::Test {

@@ -289,15 +289,7 @@ TEST_F(Browser, WhatIsDoneGoesToAMachine) {
 
 TEST_F(Browser, AResinAndAPrinter) {
   serve();
-  std::string csv = "intensity_mw_cm2,exposure_s,cured_height_um\n";
-  // Heights of the kinetic law h/m ln(I^m t / D'c), nearly: h = 120 um, m = 0.8, D'c = 12.
-  for (const double i : {5.0, 15.0}) {
-    for (const double t : {6.0, 10.0, 16.0, 25.0, 40.0}) {
-      csv +=
-          fmt::format("{},{},{:.3f}\n", i, t, 150 * std::log(std::pow(i, 0.8) * t / 12) + t / 50);
-    }
-  }
-  test::write_file(farm_.root + "/heights.csv", csv);
+  test::write_file(farm_.root + "/heights.csv", heights_of_a_resin());
   open("/materials");
   EXPECT_THAT(page_->text("resins"), HasSubstr("benchy-resin"));
   EXPECT_EQ(page_->eval("document.getElementById('new-printer').hidden"), true);
@@ -561,9 +553,9 @@ TEST_F(Browser, OneBadPartOfThreeIsNamedAndTheOthersGoOn) {
 
 TEST_F(Browser, ASlicersFileBringsItsExposures) {
   const std::string file = farm_.root + "/part.ctb";
-  const auto made = slicecorr::test::run_program({std::string(SLICECORR_BIN_DIR) + "/slicecorr",
-                                                  "testpart", "f", "--printer", "elegoo-mars",
-                                                  "--exposure-s", "2.5", "-o", file});
+  const auto made =
+      slicecorr::test::run_program({std::string(SLICECORR_BIN_DIR) + "/slicecorr", "testpart", "f",
+                                    "--printer", "elegoo-mars", "--exposure-s", "2.5", "-o", file});
   ASSERT_EQ(made.exit_code, 0) << made.err;
   serve();
   open("/print");
@@ -583,6 +575,8 @@ TEST_F(Browser, ASlicersFileBringsItsExposures) {
   page_->click("#check");
   see("checked");
   EXPECT_THAT(page_->text("figures"), HasSubstr("Height error, mean"));
+  // Nothing stands empty: as sliced is on the whole page.
+  EXPECT_THAT(page_->text("figures"), Not(HasSubstr("as sliced")));
 }
 
 TEST_F(Browser, OneSignInIsThatOfAllTabs) {

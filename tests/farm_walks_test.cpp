@@ -6,8 +6,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <cmath>
-
 #include "farm_browser.hpp"
 #include "hand.hpp"
 #include "ladder.hpp"
@@ -140,14 +138,7 @@ TEST_P(Walk, JobsAndMachines) {
 }
 
 TEST_P(Walk, AResinAndAPrinter) {
-  std::string csv = "intensity_mw_cm2,exposure_s,cured_height_um\n";
-  for (const double i : {5.0, 15.0}) {
-    for (const double t : {6.0, 10.0, 16.0, 25.0, 40.0}) {
-      csv +=
-          fmt::format("{},{},{:.3f}\n", i, t, 150 * std::log(std::pow(i, 0.8) * t / 12) + t / 50);
-    }
-  }
-  write_file(farm_.root + "/heights.csv", csv);
+  write_file(farm_.root + "/heights.csv", heights_of_a_resin());
   begin("/materials", kOperate);
   page_->choose_files("#files", {farm_.root + "/heights.csv"});
   page_->wait_for("tables.there.length === 1");

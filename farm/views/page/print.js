@@ -303,13 +303,14 @@ $('check').addEventListener('click', () => during('check', async () => {
   const h = f.height_error_um, [x, y] = f.worst_pixel || [-1, -1];
   $('worst').textContent = (h && h.max_abs !== null ? 'The worst place is ' + um(h.max_abs) + ' off' + (before && before.height_error_um ? ', where without correction the worst is ' + um(before.height_error_um.max_abs) : '') + '. ' : '')
     + (x >= 0 ? 'It is at pixel ' + x + ', ' + y + '; the section goes through it.' : '');
-  const row = (words, of) => [words, before ? of(before) : '', of(f)];
+  // Of a slicer's file the report alone has both.
+  const row = (words, of) => (before ? [words, of(before), of(f)] : [words, of(f)]);
   const off = (key) => (v) => (v.height_error_um && v.height_error_um[key] !== null ? um(v.height_error_um[key]) : '-');
   const number = (key) => (v) => (v[key] === undefined ? '-' : count(v[key]));
-  $('figures').replaceChildren(tableOf([['Figure', 'as sliced', 'corrected'], row('Height error, mean', off('mean_abs')), row('95 % within', off('p95_abs')), row('largest', off('max_abs')),
+  $('figures').replaceChildren(tableOf([before ? ['Figure', 'as sliced', 'corrected'] : ['Figure', 'corrected'], row('Height error, mean', off('mean_abs')), row('95 % within', off('p95_abs')), row('largest', off('max_abs')),
     row('Lost features', number('lost_features')), row('Merged gaps', number('merged_features')), row('Voxels cured through', number('cure_through_voxels')), row('Voxels undercured', number('undercure_voxels'))], 'What prints'));
   $('section').src = await blobUrl(s.path + '/files/section.png');
-  $('check-link').replaceChildren(link(s.path + '/files/check.html', 'All of it: sections in three directions, doses, lists of places'));
+  $('check-link').replaceChildren(link(s.path + '/files/check.html', 'All of it, as sliced and corrected: sections in three directions, doses, lists of places'));
   $('checked').hidden = false;
 }));
 

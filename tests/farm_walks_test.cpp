@@ -15,7 +15,6 @@ namespace {
 
 using namespace slicecorr::test;
 using namespace test;
-using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 
 class Walk : public LabInABrowser, public ::testing::WithParamInterface<Way> {

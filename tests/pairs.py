@@ -299,6 +299,8 @@ def uneven_uv(p):
             p.options["uv-mw-cm2"] = "190"  # more than `left_alone` takes, for where it is dimmer
         if "region" in p.options and "speed-mm-h" in p.options:
             p.options["speed-mm-h"] = "350"  # full light comes to the dose that is wanted
+        if p.printer["blue"].get("grey") == "pulsed":
+            strong_uv(p)
     values = np.array([[255 - 3 * x - 5 * y for x in range(WIDTH)] for y in range(HEIGHT)])
     p.uv_flat = values / 255
     p.files["uv-flat.png"] = png(values)
@@ -312,6 +314,8 @@ def fading_uv(p):
             p.options["exposure-s"] = "6"  # as `lifts` does under UV light
         if p.left_alone:
             p.options["uv-mw-cm2"] = "190"  # more than `left_alone` takes, for where less comes
+        if p.printer["blue"].get("grey") == "pulsed":
+            strong_uv(p)
     p.files["uv-log.csv"] = "slice,uv_lamp_share\n0,1\n5,0.9\n11,0.8\n".encode()
     p.options["uv-lamp-log"] = "uv-log.csv"
 

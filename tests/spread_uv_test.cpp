@@ -350,21 +350,54 @@ TEST(CoupledUnderUv, RoundsNeverMakeItWorseAndThreadsChangeNothing) {
   EXPECT_EQ(p.cure_through_voxels + p.undercure_voxels, before);
 }
 
-TEST(CoupledUnderUv, UvLightThatChangesIsRefused) {
+TEST(CoupledUnderUv, PatternedUvLightIsRefused) {
   const MemorySlices target = part();
   slicecorr::Setup s = setup(44, 36, 100);
   s.printer.uv->patterned = true;
-  for (const UvKind kind : {UvKind::patterned, UvKind::per_slice}) {
-    s.process.uv = {};
-    s.process.uv.kind = kind;
-    s.process.uv.dead_zone_um = 20;
-    try {
-      corrected(target, s, 2);
-      ADD_FAILURE() << "would lose its UV light";
-    } catch (const InputError& e) {
-      EXPECT_THAT(e.what(), HasSubstr("is not corrected for where light spreads"));
-    }
+  s.process.uv = {};
+  s.process.uv.kind = UvKind::patterned;
+  s.process.uv.dead_zone_um = 20;
+  try {
+    corrected(target, s, 2);
+    ADD_FAILURE() << "would lose its UV light";
+  } catch (const InputError& e) {
+    EXPECT_THAT(e.what(), HasSubstr("is not corrected for where light spreads"));
   }
+}
+
+TEST(CoupledUnderUv, UvLightOfEachSliceLeavesPixelsThatAreChosenTogetherADeadZone) {
+  const MemorySlices target = part();
+  slicecorr::Setup s = setup(44, 36, 100);
+  s.process.uv = {};
+  s.process.uv.kind = UvKind::per_slice;
+  s.process.uv.dead_zone_um = 20;
+  s.process.spread_rounds = 3;
+  s.process = schedule_uv(target, s, {});
+  const std::vector<double>& uv = s.process.uv.slice_mw_cm2;
+  ASSERT_FALSE(uv.empty());
+  MemorySlices shown(target.grid());
+  const Prediction together = corrected(target, s, 3, &shown), alone = corrected(target, s, 0);
+  EXPECT_LT(together.cure_through_voxels + together.undercure_voxels,
+            (alone.cure_through_voxels + alone.undercure_voxels) / 3);
+  const Inhibition& inhibition = *s.resin.inhibition;
+  const double slope = 1 / units::height_e_from_10(inhibition.absorbance_height10_um) -
+                       1 / units::height_e_from_10(s.resin.absorbance_height10_um);
+  double least = 1e9, most = 0;
+  for (int n = 0; n < shown.grid().layers; ++n) {
+    double blue = 0;
+    for (int y = 0; y < 36; ++y) {
+      for (int x = 0; x < 44; ++x) {
+        if (shown.at(n, x, y) > 0) {
+          blue = std::max(blue, level_intensities(s.printer)[shown.at(n, x, y)]);
+        }
+      }
+    }
+    const double its = uv[std::min(static_cast<std::size_t>(n), uv.size() - 1)];
+    EXPECT_GE(its * inhibition.beta * (1 + 1e-9), blue * std::exp(20 * slope)) << n;
+    least = std::min(least, its);
+    most = std::max(most, its);
+  }
+  EXPECT_LT(least, 0.9 * most);
 }
 
 TEST(CoupledUnderUv, WhatDoesNotAddUpIsRefused) {

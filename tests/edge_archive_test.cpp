@@ -260,7 +260,7 @@ TEST_F(EdgeArchive, BlocksThatContradictAreRefused) {
   expect_refused(with([](json& b) { b.erase("edge_images_crc32"); }), "edge_images_crc32");
   expect_refused(with([](json& b) { b["edge_images_crc32"] = -1; }), "edge_images_crc32");
   expect_refused(with([](json& b) { b["kind"] = "foreign"; }), "kind");
-  expect_refused(with([](json& b) { b["format"] = 15; }), "newer version");
+  expect_refused(with([](json& b) { b["format"] = 16; }), "newer version");
   // Of an earlier version they would be entries like others; but the checksum tells.
   expect_refused(with([](json& b) { b["format"] = 1; }), "checksum");
 }

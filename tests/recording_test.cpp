@@ -334,7 +334,7 @@ TEST_F(RecordingDamage, VersionsAreHeld) {
   json config = json::parse(test::to_text(test::entry(entries_, "config.json")));
   EXPECT_EQ(config["slicecorr"]["format"], 4);
   EXPECT_EQ(config["slicecorr"]["kind"], "recorded");
-  EXPECT_THAT(read_with_block([](json& b) { b["format"] = 15; }),
+  EXPECT_THAT(read_with_block([](json& b) { b["format"] = 16; }),
               HasSubstr("made by a newer version of this program: format 15"));
   // What readers of format 3 know does not include a recording.
   EXPECT_THAT(read_with_block([](json& b) { b["format"] = 3; }), HasSubstr("kind"));

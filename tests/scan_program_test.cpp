@@ -2,14 +2,13 @@
 // SPDX-License-Identifier: Apache-2.0
 
 /// Scans through the programs: compared with what was printed, tuned by, and the next print corrected; what is refused.
-#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <nlohmann/json.hpp>
 
+#include "hook.hpp"
 #include "ladder.hpp"
-#include "meshes.hpp"
 #include "program_fixture.hpp"
 
 namespace slicecorr::test {
@@ -18,18 +17,6 @@ namespace {
 using nlohmann::json;
 using testing::AllOf;
 using testing::HasSubstr;
-
-/// A foot, a wall and two shelves that no mirror brings onto each other.
-TriangleMesh hook() {
-  return box({0, 0, 0}, {2.2, 1.6, 0.4}) + box({0, 0, 0.4}, {0.6, 1.6, 3}) +
-         box({0.6, 0, 1}, {2, 0.7, 1.4}) + box({0.6, 0.9, 2}, {1.6, 1.6, 2.5});
-}
-
-std::string resin_text(const char* name, double height_um, double dose) {
-  return fmt::format(
-      "name = \"{}\"\n[cure]\nabsorbance_height_um = {}\nabsorbance_base = 10\ncritical_dose_mj_cm3 = {}\n",
-      name, height_um, dose);
-}
 
 class ScanProgram : public ProgramFixture {
  protected:

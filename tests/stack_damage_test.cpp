@@ -248,8 +248,8 @@ TEST_F(Damage, ConfigValues) {
   expect_config_refused("\"LightOnTime\": ", "\"LightOnTime\": -", "LightOnTime");
   expect_config_refused("\"Properties\": {", "\"Properties\": 5, \"P\": {", "an object");
   expect_config_refused("\"Layers\": [", "\"Layers\": 7, \"L\": [", "Layers is 7");
-  expect_config_refused("\"format\": 1", "\"format\": 15",
-                        "newer version of this program: format 15, this program reads up to 14");
+  expect_config_refused("\"format\": 1", "\"format\": 16",
+                        "newer version of this program: format 16, this program reads up to 15");
   // What the second version has besides must be there.
   expect_config_refused("\"format\": 1", "\"format\": 2", "process.exposure_s is missing");
   expect_config_refused("\"format\": 1", "\"format\": 0", "format");

@@ -35,8 +35,10 @@ std::unique_ptr<const SliceSource> part_of(const JobRequest& r, const Setup& set
           named(r, "layer_um"), named(r, "plan")));
     }
     if (r.layer_um <= 0) throw InputError(named(r, "layer_um") + " is missing");
+    cli::MeshOptions mesh = mesh_options_of(r);
+    mesh.shrinkage = setup.resin.shrinkage;
     return std::make_unique<const MeshSlices>(
-        cli::slice_parts(mesh_options_of(r), setup.printer, setup.process.surface, context));
+        cli::slice_parts(mesh, setup.printer, setup.process.surface, context));
   }
   if (r.parts.size() != 1) throw InputError("expected meshes, or one archive of slices");
   const StackInfo info = StackReader::read_info(r.parts[0]);

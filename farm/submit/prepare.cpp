@@ -178,7 +178,8 @@ void plan(const SliceSource& slices, const Setup& setup, const JobRequest& r,
 
 void check_meshes(const JobRequest& r, const Setup& setup, const std::string& scratch_folder,
                   const ExecutionContext& context, Checked& c) {
-  const cli::MeshOptions o = detail::mesh_options_of(r);
+  cli::MeshOptions o = detail::mesh_options_of(r);
+  o.shrinkage = setup.resin.shrinkage;
   cli::PartFacts facts;
   const cli::PartSlices slices(
       o, setup.printer,
@@ -500,8 +501,13 @@ class Preparation {
       chosen.layer_um = r.layer_um;
       if (heights != detail::HeightsBy::each) chosen.layer_heights_um.clear();
       if (heights == detail::HeightsBy::slopes) {
-        chosen.layer_heights_um =
-            cli::adaptive_heights_of(detail::mesh_options_of(r), r.leave_alone, r.adaptive_um).um();
+        cli::MeshOptions mesh = detail::mesh_options_of(r);
+        if (!chosen.resin_toml.empty()) {
+          mesh.shrinkage = parse_resin(chosen.resin_toml, "resin_toml").shrinkage;
+        } else if (!chosen.resin.empty()) {
+          mesh.shrinkage = load_resin(chosen.resin).shrinkage;
+        }
+        chosen.layer_heights_um = cli::adaptive_heights_of(mesh, r.leave_alone, r.adaptive_um).um();
       }
       w.setup = resolve_setup(chosen, nullptr, nullptr,
                               r.as_options ? ChoiceNames::options : ChoiceNames::fields);

@@ -149,7 +149,9 @@ std::vector<std::string> make_stack(const WorkOrder& order, const std::vector<st
       inside(paths.begin() + inside_at, paths.end());
   cli::PartFacts facts;
   if (spec.kind == "run") {
-    mesh.emplace(detail::mesh_options(spec, {paths.begin(), paths.begin() + parts}), setup.printer,
+    cli::MeshOptions options = detail::mesh_options(spec, {paths.begin(), paths.begin() + parts});
+    options.shrinkage = setup.resin.shrinkage;
+    mesh.emplace(options, setup.printer,
                  cli::LayersWanted{LayerHeights(setup.process.layer_heights_um),
                                    setup.process.surface, left_alone},
                  context, &facts);

@@ -79,6 +79,7 @@ inline void set_frame(StackInfo& info, const SliceSource& slices) {
   info.for_display = frame.to_display.has_value();
   info.orientation_known = frame.orientation.has_value();
   info.orientation = frame.orientation.value_or(Orientation{});
+  info.made_for = frame.made_for;
 }
 
 }  // namespace slicecorr::detail

@@ -71,6 +71,7 @@ PlatePlace place_on_plate(const Grid& grid, const Orientation& orientation, doub
 
 ImageFrame turned(const ImageFrame& frame, const Turn& turn) {
   ImageFrame f;
+  f.made_for = frame.made_for;
   if (frame.to_display) f.to_display = turn.inverse().then(*frame.to_display);
   f.orientation = std::nullopt;
   if (frame.orientation) f.orientation = turned(*frame.orientation, turn);

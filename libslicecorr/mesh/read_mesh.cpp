@@ -179,6 +179,11 @@ void check(const Placement& placement) {
   }
 }
 
+/// What a length becomes so that it shrinks to what it was.
+Point3 enlarged_by(const Shrinkage& shrinkage) {
+  return {1 / shrinkage.left(0), 1 / shrinkage.left(1), 1 / shrinkage.left(2)};
+}
+
 struct SineCosine {
   double sine, cosine;
 };
@@ -200,6 +205,7 @@ void place(TriangleMesh& mesh, const Placement& placement, double file_unit_mm,
   const auto turn_x = sine_cosine(placement.rotate_deg[0]);
   const auto turn_y = sine_cosine(placement.rotate_deg[1]);
   const auto turn_z = sine_cosine(placement.rotate_deg[2]);
+  const Point3 larger = enlarged_by(placement.shrinkage);
   constexpr std::size_t chunk_vertices = 1 << 15;
   const std::size_t count = mesh.vertices.size();
   parallel_for(detail::silent(context), "", (count + chunk_vertices - 1) / chunk_vertices,
@@ -215,6 +221,9 @@ void place(TriangleMesh& mesh, const Placement& placement, double file_unit_mm,
                    const Point3 b{cy * a[0] + sy * a[2], a[1], cy * a[2] - sy * a[0]};
                    // Adding 0.0 turns -0.0 into 0.0.
                    point = {cz * b[0] - sz * b[1] + 0.0, sz * b[0] + cz * b[1] + 0.0, b[2] + 0.0};
+                   if (placement.shrinkage.shrinks()) {
+                     for (std::size_t k = 0; k < 3; ++k) point[k] *= larger[k];
+                   }
                    detail::require_finite(point, path, "scaled vertex");
                  }
                });

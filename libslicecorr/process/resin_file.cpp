@@ -240,6 +240,23 @@ void take_height(Resin& resin, double height10_um) {
   }
 }
 
+Shrinkage shrinkage_of(const TomlTable& root) {
+  Shrinkage s;
+  if (const auto table = root.table("shrinkage")) {
+    const auto share = [&](const char* key) {
+      return table->number(key, Shrinkage::kLeast, Shrinkage::kMost, true).value_or(0);
+    };
+    s.plane_per_cent = share("plane");
+    s.z_per_cent = share("z");
+  }
+  if (const auto table = root.table("first_layers")) {
+    s.growth_um = table->number("growth_um", 0, Shrinkage::kMostGrowthUm, true).value_or(0);
+    const auto height_um = table->number("height_um", 0, Shrinkage::kMostHeightUm);
+    if (s.grows()) s.height_um = height_um.value_or(Shrinkage::kDefaultHeightUm);
+  }
+  return s;
+}
+
 /// A value that replaces one of the file's keeps to the same limits.
 void check_override(const std::optional<double>& value, const char* what, double most) {
   if (value && !(*value > 0 && *value <= most)) {
@@ -338,6 +355,7 @@ Resin parse_resin(std::string_view text, const std::string& source,
     }
     resin.bleaching = bleaching_of(*table, resin);
   }
+  resin.shrinkage = shrinkage_of(root);
   resin.chemistry = detail::chemistry_keys(root, cure, resin.viscosity_pa_s);
   return with_overrides(std::move(resin), overrides);
 }
@@ -345,6 +363,12 @@ Resin parse_resin(std::string_view text, const std::string& source,
 void refuse_bleaching(const Resin& resin, const char* what) {
   if (!resin.bleaches()) return;
   throw InputError(resin.name, "bleaching",
+                   fmt::format("is not counted in {}; expected a resin without it", what));
+}
+
+void refuse_shrinkage(const Resin& resin, const char* what) {
+  if (!resin.shrinkage.any()) return;
+  throw InputError(resin.name, resin.shrinkage.shrinks() ? "shrinkage" : "first_layers",
                    fmt::format("is not counted in {}; expected a resin without it", what));
 }
 

@@ -421,6 +421,7 @@ double curing_absorption_per_mm(const Resin& resin) { return curing_absorption_p
 
 double dose_to_gel_mj_cm3(const Resin& resin) {
   refuse_bleaching(resin, "tomographic printing");
+  refuse_shrinkage(resin, "tomographic printing");
   if (resin.has_gel_time()) {
     throw InputError(
         resin.name, "cure.model",

@@ -274,6 +274,8 @@ Markup summary(const ReportContent& c) {
   if (const double scatter = c.setup.resin.scatter_um2_per_um; scatter > 0) {
     html += fmt::format(" Light scatters in the resin, {:g} um²/um.", scatter);
   }
+  say("After printing, which these pictures do not show, the resin",
+      shrinkage_in_words(c.setup.resin.shrinkage));
   say("UV light", uv_in_words(c.setup.process.uv));
   for (const std::string& sentence :
        light_notices(c.setup.printer, c.setup.resin, c.setup.process.uv.kind != UvKind::off)) {

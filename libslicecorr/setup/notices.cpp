@@ -20,6 +20,24 @@ using detail::trimmed;
 
 namespace {
 
+/// What a resin shrinks by, where slices that come from elsewhere may not have been made for it.
+std::string shrinkage_notice(const Resin& resin, const StackInfo* times) {
+  if (times == nullptr || times->made_for == resin.shrinkage) return {};
+  const auto words = [](const Shrinkage& s) {
+    return s.any() ? shrinkage_in_words(s) : std::string("does not shrink");
+  };
+  if (times->kind == StackKind::foreign) {
+    return fmt::format(
+        "resin '{}' {}: the slices of another program stay as they are, and whether it counted that nobody knows; "
+        "a slicer's own shrinkage and elephant's foot should be off, or the resin's file say none",
+        resin.name, words(resin.shrinkage));
+  }
+  return fmt::format(
+      "resin '{}' {}, but the slices were made for one that {}; prints are off by as much: slice the mesh anew with "
+      "this resin",
+      resin.name, words(resin.shrinkage), words(times->made_for));
+}
+
 /// What became of an archive's first exposure when another one follows it; empty when nothing is
 /// to be said.
 std::string first_exposure_notice(const Process& p, const StackInfo* times) {
@@ -105,6 +123,9 @@ std::vector<std::string> setup_notices(const Setup& setup, const StackInfo* time
     notices.push_back(
         "the slices of the archive were made for an even grid and stay where they are; pixels land " +
         distortion_in_words(setup.printer));
+  }
+  if (std::string text = shrinkage_notice(setup.resin, times); !text.empty()) {
+    notices.push_back(std::move(text));
   }
   if (std::string text = first_exposure_notice(setup.process, times); !text.empty()) {
     notices.push_back(std::move(text));

@@ -12,6 +12,7 @@
 
 #include "mesh/half_edges.hpp"
 #include "parallel/silent.hpp"
+#include "slice/inset.hpp"
 #include "slice/mesh_slices_parts.hpp"
 #include "slice/refine.hpp"
 #include "slicecorr/error.hpp"
@@ -137,6 +138,8 @@ MeshSlices::MeshSlices(TriangleMesh mesh, const Printer& printer, const SliceOpt
   }
   if (mesh.triangles.empty()) throw InputError("there is no triangle to slice");
   impl_->antialias = options.antialias;
+  impl_->made_for = options.shrinkage;
+  impl_->raised_um = options.raised_um;
   if (printer.distortion) {
     mesh = detail::refined(std::move(mesh), straight_mm(*printer.distortion, printer));
     edge_defects = nullptr;  // of another mesh
@@ -225,7 +228,48 @@ void MeshSlices::read_band(const PixelBox& band, const Sink& sink) const {
   read_slices(band, 0, impl_->grid.layers, sink);
 }
 
+ImageFrame MeshSlices::frame() const {
+  ImageFrame frame;
+  frame.made_for = impl_->made_for;
+  return frame;
+}
+
 void MeshSlices::read_slices(const PixelBox& band, int first, int past, const Sink& sink) const {
+  const Impl& s = *impl_;
+  int n = first;
+  for (; n < past; ++n) {
+    const double by_um = s.inset_um(n);
+    if (!(by_um > 0)) break;  // and so none of the slices above
+    const detail::Inset how{by_um, s.grid.pixel_x_um, s.grid.pixel_y_um, s.antialias};
+    // What a pixel is left with depends on those around it.
+    const int reach = how.reach();
+    const PixelBox wide{s.bounds.x0, std::max(s.bounds.y0, band.y0 - reach), s.bounds.x1,
+                        std::min(s.bounds.y1, band.y1 + reach)};
+    if (wide.empty()) {
+      sink(n, nullptr);
+      continue;
+    }
+    std::vector<std::uint8_t> rows(static_cast<std::size_t>(band.width()) *
+                                   static_cast<std::size_t>(band.height()));
+    bool lit = false;
+    cut_slices(wide, n, n + 1, [&](int, const std::uint8_t* cut) {
+      if (cut == nullptr) return;
+      lit = true;
+      const std::vector<std::uint8_t> left = detail::inset(cut, wide.width(), wide.height(), how);
+      const int from = std::max(band.x0, wide.x0), to = std::min(band.x1, wide.x1);
+      for (int y = std::max(band.y0, wide.y0); y < std::min(band.y1, wide.y1) && from < to; ++y) {
+        const auto* row = left.data() + static_cast<std::ptrdiff_t>(y - wide.y0) * wide.width();
+        std::copy(row + (from - wide.x0), row + (to - wide.x0),
+                  rows.data() + static_cast<std::ptrdiff_t>(y - band.y0) * band.width() +
+                      (from - band.x0));
+      }
+    });
+    sink(n, lit ? rows.data() : nullptr);
+  }
+  if (n < past) cut_slices(band, n, past, sink);
+}
+
+void MeshSlices::cut_slices(const PixelBox& band, int first, int past, const Sink& sink) const {
   const Impl& s = *impl_;
   const std::vector<Impl::Entry> entries = s.entries_of(band.y0, band.y1, first, past);
   // Drawn over the part's full width, because windings are summed from the left, and cropped where

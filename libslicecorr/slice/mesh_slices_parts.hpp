@@ -81,6 +81,8 @@ struct MeshSlices::Impl {
 
   Grid grid;
   bool antialias = true;
+  Shrinkage made_for;
+  double raised_um = 0;
   std::unique_ptr<const Heights> heights;  ///< null: not asked for
   PixelBox bounds;
   SliceReport report;
@@ -97,6 +99,12 @@ struct MeshSlices::Impl {
   std::vector<std::size_t> bin_begin;  ///< per bin of rows: where its triangles begin in `binned`
   std::unique_ptr<Entry[]> binned;
 
+  /// How far the outlines of a slice move inwards, um.
+  double inset_um(int slice) const {
+    return made_for.grows()
+               ? made_for.growth_at_um(std::max(0.0, (slice + 0.5) * grid.layer_um - raised_um))
+               : 0;
+  }
   void place(TriangleMesh mesh, const Printer& printer, const SliceOptions& options,
              const ExecutionContext& context);
   /// The same where pixels do not lie on an even grid.

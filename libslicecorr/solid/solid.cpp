@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <functional>
 #include <limits>
 #include <vector>
 
@@ -17,6 +18,7 @@
 #include "slicecorr/dose.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/stack.hpp"
+#include "solid/after_print.hpp"
 #include "solid/level_surface.hpp"
 #include "solid/mesh_file.hpp"
 #include "stack/blob_store.hpp"
@@ -105,16 +107,45 @@ struct PrintedSurface {
   }
 };
 
+/// What a part of a surface measures.
+struct Surveyed {
+  std::uint64_t triangles = 0;
+  double volume = 0;
+  Point3 lower{}, upper{};
+  Histogram distance_um;
+  Surveyed() {
+    lower.fill(std::numeric_limits<double>::infinity());
+    upper.fill(-std::numeric_limits<double>::infinity());
+  }
+  void add(const Triangle& t) {
+    double p[3][3];
+    for (std::size_t i = 0; i < 3; ++i) {
+      for (std::size_t k = 0; k < 3; ++k) {
+        p[i][k] = static_cast<double>(t[i][k]);
+        lower[k] = std::min(lower[k], p[i][k]);
+        upper[k] = std::max(upper[k], p[i][k]);
+      }
+    }
+    volume += (p[0][0] * (p[1][1] * p[2][2] - p[1][2] * p[2][1]) +
+               p[0][1] * (p[1][2] * p[2][0] - p[1][0] * p[2][2]) +
+               p[0][2] * (p[1][0] * p[2][1] - p[1][1] * p[2][0])) /
+              6.0;
+    ++triangles;
+  }
+};
+
 /// One band of samples, from the last slice to the first.
 class BandSurface {
  public:
   BandSurface(const SliceSource& stack, const PlaceModels& models,
-              const detail::SpreadLight& spread, const OnPlate& plate, const SolidOptions& options,
-              const Axis& columns, const Axis& rows, BlobStore* store)
+              const detail::SpreadLight& spread, const OnPlate& plate,
+              const detail::AfterPrint& after, const SolidOptions& options, const Axis& columns,
+              const Axis& rows, BlobStore* store)
       : stack_(stack),
         models_(models),
         model_(models.brightest()),
         plate_(plate),
+        after_(after),
         options_(options),
         slices_(stack),
         spread_(spread),
@@ -122,11 +153,9 @@ class BandSurface {
         rows_(rows),
         store_(store) {}
 
-  std::uint64_t triangles = 0;
-  double volume = 0;
-  Point3 lower{}, upper{};
-  Histogram distance_um;
+  Surveyed surveyed;
   std::vector<BlobStore::Blob> blobs;
+  std::vector<Triangle> low;  ///< not among these: the first layers, which move together
 
   /// Samples rows [row, row + height).
   void draw(int row, int height, const ExecutionContext& context) {
@@ -140,8 +169,6 @@ class BandSurface {
     for (int j = 0; j < height; ++j) {
       y_mm.push_back((grid.height_px - rows_.middle(row + j)) * grid.pixel_y_um * 1e-3);
     }
-    lower.fill(std::numeric_limits<double>::infinity());
-    upper.fill(-std::numeric_limits<double>::infinity());
     const detail::CodedBand coded = spread_.none() ? read(row, height) : detail::CodedBand(samples);
     // Beside the image there is no light at all, in it at least that of black.
     std::vector<double> dark(samples);
@@ -169,7 +196,8 @@ class BandSurface {
       measure = [&](const Point3& vertex) {
         Point3 p = vertex;
         plate_.place(p[0], p[1]);
-        distance_um.add(options_.design->to(p) * 1e3);
+        if (after_.is_low(p[2])) return;
+        surveyed.distance_um.add(options_.design->to(after_.shrunk(p)) * 1e3);
       };
     }
     detail::LevelSurface surface(
@@ -321,19 +349,12 @@ class BandSurface {
 
   void take(Triangle t) {
     plate_.place(t);
-    double p[3][3];
-    for (std::size_t i = 0; i < 3; ++i) {
-      for (std::size_t k = 0; k < 3; ++k) {
-        p[i][k] = static_cast<double>(t[i][k]);
-        lower[k] = std::min(lower[k], p[i][k]);
-        upper[k] = std::max(upper[k], p[i][k]);
-      }
+    if (after_.is_low(t)) {
+      low.push_back(t);
+      return;
     }
-    volume += (p[0][0] * (p[1][1] * p[2][2] - p[1][2] * p[2][1]) +
-               p[0][1] * (p[1][2] * p[2][0] - p[1][0] * p[2][2]) +
-               p[0][2] * (p[1][0] * p[2][1] - p[1][1] * p[2][0])) /
-              6.0;
-    ++triangles;
+    after_.shrink(t);
+    surveyed.add(t);
     if (!store_) return;
     waiting_.push_back(t);
     if (waiting_.size() >= kPiece) flush();
@@ -349,6 +370,7 @@ class BandSurface {
   const PlaceModels& models_;
   const CureModel& model_;  ///< what does not depend on the place
   const OnPlate& plate_;
+  const detail::AfterPrint& after_;
   const SolidOptions& options_;
   const detail::ShownSlices slices_;
   const detail::SpreadLight& spread_;
@@ -378,6 +400,55 @@ bool black_gels(const CureModel& model, const SliceSource& stack) {
          std::any_of(dose.upper.begin(), dose.upper.end(), gels);
 }
 
+/// Lower and upper ends of what a stack shows, in mm of the plate and from the platform.
+std::array<Point3, 2> shown_box(const SliceSource& stack, double height_mm) {
+  const Grid& g = stack.grid();
+  const PixelBox lit = stack.bounds();
+  const OnPlate plate(stack);
+  double x0 = lit.x0 * g.pixel_x_um * 1e-3, x1 = lit.x1 * g.pixel_x_um * 1e-3;
+  double y0 = (g.height_px - lit.y1) * g.pixel_y_um * 1e-3;
+  double y1 = (g.height_px - lit.y0) * g.pixel_y_um * 1e-3;
+  plate.place(x0, y0);
+  plate.place(x1, y1);
+  return {
+      {{std::min(x0, x1), std::min(y0, y1), 0}, {std::max(x0, x1), std::max(y0, y1), height_mm}}};
+}
+
+detail::AfterPrint after_print(const SliceSource& stack, const Resin& resin) {
+  const std::array<Point3, 2> box = shown_box(stack, 0);
+  return {resin.shrinkage, 0.5 * (box[0][0] + box[1][0]), 0.5 * (box[0][1] + box[1][1])};
+}
+
+/// The first layers of all bands, which stand out, behind what else there is.
+void grow_first_layers(std::vector<std::vector<Triangle>>& low, const detail::AfterPrint& after,
+                       const SolidOptions& options, PrintedSurface& surface,
+                       std::vector<Surveyed>& surveyed) {
+  std::vector<Triangle> all;
+  for (std::vector<Triangle>& its : low) {
+    all.insert(all.end(), its.begin(), its.end());
+    its = {};
+  }
+  Surveyed& own = surveyed.emplace_back();
+  std::function<void(const Point3&)> measure;
+  if (options.design) {
+    measure = [&](const Point3& p) {
+      own.distance_um.add(options.design->to(after.shrunk(p)) * 1e3);
+    };
+  }
+  after.grow(all, measure);
+  for (Triangle& t : all) {
+    after.shrink(t);
+    own.add(t);
+  }
+  if (!surface.store) return;
+  std::vector<BlobStore::Blob>& blobs = surface.bands.emplace_back();
+  for (std::size_t at = 0; at < all.size(); at += kPiece) {
+    const std::size_t count = std::min(kPiece, all.size() - at);
+    blobs.push_back(surface.store->put(reinterpret_cast<const std::uint8_t*>(all.data() + at),
+                                       count * sizeof(Triangle)));
+  }
+}
+
 /// `stage` names the progress; `keep`: whether triangles are kept, else they are counted only.
 PrintedSurface surface_of(const SliceSource& stack, const PlaceModels& models,
                           const SolidOptions& options, const std::string& scratch_folder,
@@ -404,20 +475,24 @@ PrintedSurface surface_of(const SliceSource& stack, const PlaceModels& models,
     // Bands share their last row with the next one's first: cells lie between rows.
     const auto bands = static_cast<std::size_t>((rows.count - 1 + height - 1) / height);
     surface.bands.resize(bands);
-    std::vector<SolidReport> reports(bands);
+    std::vector<Surveyed> surveyed(bands);
+    std::vector<std::vector<Triangle>> low(bands);
+    const detail::AfterPrint after = after_print(stack, models.resin());
     parallel_for(context, stage, bands, [&](std::size_t b) {
       const int row = static_cast<int>(b) * height;
-      BandSurface band(stack, models, spread, plate, options, columns, rows, surface.store.get());
+      BandSurface band(stack, models, spread, plate, after, options, columns, rows,
+                       surface.store.get());
       band.draw(row, std::min(height + 1, rows.count - row), context);
       surface.bands[b] = std::move(band.blobs);
-      reports[b] = {band.triangles, band.volume, band.lower, band.upper,
-                    std::move(band.distance_um)};
+      surveyed[b] = std::move(band.surveyed);
+      low[b] = std::move(band.low);
     });
+    if (after.grows()) grow_first_layers(low, after, options, surface, surveyed);
     // In the order of the bands, so that no sum depends on threads.
     SolidReport& all = surface.report;
-    for (const SolidReport& r : reports) {
+    for (const Surveyed& r : surveyed) {
       all.triangles += r.triangles;
-      all.volume_mm3 += r.volume_mm3;
+      all.volume_mm3 += r.volume;
       for (std::size_t k = 0; k < 3; ++k) {
         all.lower[k] = std::min(all.lower[k], r.lower[k]);
         all.upper[k] = std::max(all.upper[k], r.upper[k]);
@@ -431,20 +506,6 @@ PrintedSurface surface_of(const SliceSource& stack, const PlaceModels& models,
         "printer, resin and speed");
   }
   return surface;
-}
-
-/// Lower and upper ends of what a stack shows, in mm of the plate and from the platform.
-std::array<Point3, 2> shown_box(const SliceSource& stack, double height_mm) {
-  const Grid& g = stack.grid();
-  const PixelBox lit = stack.bounds();
-  const OnPlate plate(stack);
-  double x0 = lit.x0 * g.pixel_x_um * 1e-3, x1 = lit.x1 * g.pixel_x_um * 1e-3;
-  double y0 = (g.height_px - lit.y1) * g.pixel_y_um * 1e-3;
-  double y1 = (g.height_px - lit.y0) * g.pixel_y_um * 1e-3;
-  plate.place(x0, y0);
-  plate.place(x1, y1);
-  return {
-      {{std::min(x0, x1), std::min(y0, y1), 0}, {std::max(x0, x1), std::max(y0, y1), height_mm}}};
 }
 
 }  // namespace

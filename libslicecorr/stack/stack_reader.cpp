@@ -142,6 +142,7 @@ ImageFrame image_frame(const StackInfo& info) {
   if (info.for_display) frame.to_display = Turn{};
   frame.orientation.reset();
   if (info.orientation_known) frame.orientation = info.orientation;
+  frame.made_for = info.made_for;
   return frame;
 }
 const std::vector<std::string>& StackReader::other_entries() const { return impl_->others; }

@@ -202,7 +202,7 @@ FittedSlices FittedSlices::for_display(const SliceSource& source, const Printer&
   if (source.frame().to_display || !printer.orientation) return fitted;
   fitted.turned_ = std::make_unique<const TurnedSlices>(
       source, turn_to_display(source.frame(), printer), scratch_folder, context,
-      ImageFrame{Turn{}, printer.orientation});
+      ImageFrame{Turn{}, printer.orientation, source.frame().made_for});
   return fitted;
 }
 

@@ -12,6 +12,7 @@
 #include "slicecorr/light_unit.hpp"
 #include "slicecorr/resins/exchange.hpp"
 #include "slicecorr/units.hpp"
+#include "support/json/read_json.hpp"
 #include "support/text/csv.hpp"
 
 namespace slicecorr::resins {
@@ -64,6 +65,9 @@ std::string to_json(const ResinRecord& r) {
   if (r.resin.scatter_um2_per_um > 0) j["scatter_um2_per_um"] = r.resin.scatter_um2_per_um;
   if (r.resin.viscosity_pa_s > 0) j["viscosity_pa_s"] = r.resin.viscosity_pa_s;
   if (std::isfinite(r.resin.inhibitor_life_s)) j["inhibitor_life_s"] = r.resin.inhibitor_life_s;
+  if (r.resin.shrinkage.any()) {
+    j["shrinkage"] = slicecorr::detail::own_json<ordered_json>(r.resin.shrinkage.to_json());
+  }
   const auto dose = [&](double areal, double volumetric, double prime, double prime_volumetric) {
     ordered_json d;
     if (areal > 0) d["mj_cm2"] = areal;
@@ -116,6 +120,7 @@ std::string to_csv(const ResinRecord& r) {
     return at == r.provenance.end() ? "" : at->second;
   };
   refuse_bleaching(r.resin, "tables, which have no column for it");
+  refuse_shrinkage(r.resin, "tables, which have no column for it");
   refuse_relative(r.resin, "a table");
   const bool kinetic = r.resin.m != 1.0;
   const bool has_gel = f.gel_prime > 0 || r.resin.has_gel_time();

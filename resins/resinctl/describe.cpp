@@ -338,6 +338,9 @@ std::string describe_resin(const ResinRecord& r) {
                             r.resin.scatter_um2_per_um,
                             std::sqrt(r.resin.scatter_um2_per_um * f.height10_um)));
   }
+  if (r.resin.shrinkage.any()) {
+    out += line("after printing", shrinkage_in_words(r.resin.shrinkage));
+  }
   if (r.resin.has_gel_time()) {
     out += line("time to gel", gel_time_text(r.resin, 1 / f.dose_factor));
     out += line("time aimed at", gel_time_text(r.resin, 1));

@@ -11,6 +11,8 @@
 #include <optional>
 
 #include "programs/common/make_part.hpp"
+#include "programs/common/mesh_options.hpp"
+#include "programs/common/setup_options.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/light_unit.hpp"
 #include "slicecorr/load_printer.hpp"
@@ -37,90 +39,179 @@ Setup setup_of(const StackInfo& info, const std::string& printer, const std::str
   return resolve_setup(choices, &info, &info, ChoiceNames::options);
 }
 
+/// The design of the next print, as slices: its own, or those of its mesh.
+class NextTarget {
+ public:
+  NextTarget(const std::string& path, const std::string& scratch_folder, const Grid& like,
+             const Setup& setup, const ExecutionContext& context) {
+    if (!is_mesh_name(path)) {
+      own_.emplace(cli::design(path), scratch_folder, context);
+      return;
+    }
+    cli::MeshOptions mesh;
+    mesh.parts = {path};
+    mesh.layer_um = like.layer_um;
+    mesh.shrinkage = setup.resin.shrinkage;
+    cut_.emplace(cli::slice_parts(mesh, setup.printer, setup.process.surface, context));
+  }
+  const SliceSource& slices() const {
+    return own_ ? static_cast<const SliceSource&>(*own_) : *cut_;
+  }
+  const StackInfo* info() const { return own_ ? &own_->info() : nullptr; }
+
+ private:
+  std::optional<StackReader> own_;
+  std::optional<MeshSlices> cut_;
+};
+
+/// A print of which there is a scan.
+struct Printed {
+  std::unique_ptr<const StackReader> stack;
+  std::unique_ptr<const SliceSource> exposures;
+  Setup setup;
+  const SliceSource& shown() const { return exposures ? *exposures : *stack; }
+};
+
+Printed printed_of(const cli::TuneOptions& a, const std::string& path, const std::string& printer,
+                   const std::string& resin, const ExecutionContext& context) {
+  Printed p;
+  p.stack = std::make_unique<const StackReader>(
+      path, cli::folder_of(a.next.empty() ? a.output : a.next), context);
+  const StackInfo& info = p.stack->info();
+  if (info.kind != StackKind::corrected || !info.process) {
+    throw InputError(path, "", "is no corrected stack; expected the one that was printed");
+  }
+  const bool other_light = a.other_wavelength && a.other_wavelength->count() > 0;
+  p.setup = setup_of(info, printer, resin, other_light);
+  p.exposures = p.stack->exposures(p.setup.resin.m);
+  return p;
+}
+
 /// Corrects the design anew, and says what is expected: of the first print with what is known now, and of the next.
-void correct_next(const cli::TuneOptions& a, const StackReader& printed, const Setup& setup,
+void correct_next(const cli::TuneOptions& a, const Printed& printed, const Setup& setup,
                   const ExecutionContext& context, cli::Console& console) {
-  const StackReader target(cli::design(a.target), cli::folder_of(a.next), context);
+  const std::string folder = cli::folder_of(a.next);
+  const StackReader& stack = *printed.stack;
+  const NextTarget target(a.target, folder, stack.grid(), setup, context);
+  if (target.info()) cli::tell_notices(setup, target.info(), context);
   const StackFile file(a.next);
-  const FittedSlices fitted = cli::fit_for_output(target, file, setup.printer, context);
+  const FittedSlices fitted = cli::fit_for_output(target.slices(), file, setup.printer, context);
   const Correction made = correct_stack(*fitted, setup, file, {}, context);
-  const FittedSlices like_first =
-      FittedSlices::like(printed, target, cli::folder_of(a.next), context);
-  const std::unique_ptr<const SliceSource> exposures = printed.exposures(setup.resin.m);
-  const Prediction first =
-      verify_stack(exposures ? *exposures : printed, *like_first, setup, context);
-  const Histogram &before = first.design_error_um(), &after = made.after.design_error_um();
   console.say(
       fmt::format("{}: {} slices, corrected with what was found", a.next, made.info.grid.layers));
+  const Histogram& after = made.after.design_error_um();
+  std::string expected = fmt::format("the next one by {:.2f} um, 95 % within {:.2f} um",
+                                     after.mean(), after.quantile(0.95));
+  // The first one was made for what was known of the resin then.
+  Setup then = setup;
+  then.resin.shrinkage = stack.info().made_for;
+  const NextTarget design(a.target, folder, stack.grid(), then, context);
+  const FittedSlices like_first = FittedSlices::like(stack, design.slices(), folder, context);
+  const Prediction first = verify_stack(printed.shown(), *like_first, setup, context);
+  const Histogram& before = first.design_error_um();
   cli::print_result(fmt::format(
       "expected, as edges along z: the print that was scanned is off by {:.2f} um in the mean, 95 % within {:.2f} um; "
-      "the next one by {:.2f} um, 95 % within {:.2f} um\n",
-      before.mean(), before.quantile(0.95), after.mean(), after.quantile(0.95)));
+      "{}\n",
+      before.mean(), before.quantile(0.95), expected));
+}
+
+/// Each scan with what was printed.
+std::vector<PrintScan> paired(const std::vector<Scan>& scans, const std::vector<Printed>& prints) {
+  std::vector<PrintScan> pairs;
+  for (std::size_t i = 0; i < scans.size(); ++i) {
+    const Printed& p = prints[prints.size() == 1 ? 0 : i];
+    pairs.push_back({&scans[i], &p.shown(), &p.setup.process});
+  }
+  return pairs;
+}
+
+std::vector<Scan> read_scans(const cli::TuneOptions& a, const std::vector<Printed>& prints,
+                             const ExecutionContext& context) {
+  ScanReading reading;
+  reading.unit = a.scan_unit;
+  reading.voxel_um = a.voxel_um;
+  std::vector<Scan> scans;
+  TriangleMesh surface;
+  for (std::size_t i = 0; i < a.scans.size(); ++i) {
+    // What it should look like, for its unit.
+    if (i < prints.size()) {
+      const Printed& p = prints[i];
+      const PlaceModels models(p.setup.printer, p.setup.resin, p.setup.process, p.stack->grid(),
+                               p.stack->frame());
+      ExecutionContext untold = context;
+      untold.notice = nullptr;  // of how finely it is taken: it gives a unit alone
+      surface = predicted_surface(p.shown(), models, 2e5, untold);
+    }
+    scans.push_back(read_scan(a.scans[i], surface, reading, context));
+  }
+  return scans;
+}
+
+void check_options(const cli::TuneOptions& a, const std::string& printer_output) {
+  if (a.stacks.empty())
+    throw InputError("--scan: expected the corrected stack that was printed, by --stack");
+  if (a.stacks.size() != 1 && a.stacks.size() != a.scans.size()) {
+    throw InputError(fmt::format(
+        "{} stacks for {} scans; expected one that all are of, or one for each in their order",
+        a.stacks.size(), a.scans.size()));
+  }
+  if (a.next.empty() != a.target.empty()) {
+    throw InputError(
+        "--next is the stack to write and --target its design; expected both or neither");
+  }
+  if (!a.next.empty() && (a.output.empty() || printer_output.empty())) {
+    throw InputError("--next corrects with the files that are written; expected --output, too");
+  }
 }
 
 }  // namespace
 
 int tune_by_scans_command(const cli::TuneOptions& a, const ExecutionContext& context,
                           cli::Console& console) {
-  if (!a.tables.empty() || !a.printed.empty()) {
-    throw InputError(
-        "scans and tables at once; expected one after the other: what the first finds counts as known before with the "
-        "files that it writes");
-  }
-  if (a.stack.empty())
-    throw InputError("--scan: expected the corrected stack that was printed, by --stack");
-  if (a.next.empty() != a.target.empty()) {
-    throw InputError(
-        "--next is the stack to write and --target its design; expected both or neither");
-  }
+  const std::string printer_output = printer_output_of(a);
+  check_options(a, printer_output);
   const std::string resin_path = find_definition(a.resin, "resin");
   const std::string printer_path = find_definition(a.printer, "printer");
-  const std::string printer_output = printer_output_of(a);
-  if (!a.next.empty() && (a.output.empty() || printer_output.empty())) {
-    throw InputError("--next corrects with the files that are written; expected --output, too");
-  }
   std::vector<std::string> inputs = a.scans;
-  inputs.insert(inputs.end(), {resin_path, printer_path, a.stack, a.target});
+  inputs.insert(inputs.end(), a.stacks.begin(), a.stacks.end());
+  inputs.insert(inputs.end(), a.tables.begin(), a.tables.end());
+  inputs.insert(inputs.end(), {resin_path, printer_path, a.target, a.printed});
   for (const std::string* output : {&a.output, &printer_output, &a.next})
     cli::check_output(*output, inputs);
   const Printer printer = load_printer(printer_path);
   refuse_relative(printer, "what is known of stray light before tuning");
   const std::string text = read_text_file(resin_path);
   const Resin resin = parse_resin(text, resin_path);
-  const TunePrior prior = prior_of(text, resin_path, printer);
-  const StackReader stack(a.stack, cli::folder_of(a.next.empty() ? a.output : a.next), context);
-  const StackInfo& info = stack.info();
-  if (info.kind != StackKind::corrected || !info.process) {
-    throw InputError(a.stack, "", "is no corrected stack; expected the one that was printed");
+  TunePrior prior = prior_of(text, resin_path, printer);
+  std::string said;
+  std::optional<double> lift_exchange;
+  if (!a.tables.empty()) {
+    // What they tell is what is known before the scans: both together in one answer.
+    const TuneResult by_tables =
+        tune(measured_parts(a, printer, resin, context).parts, printer, resin, prior, a.sigma_um);
+    said = "tables:\n" + by_tables.to_text(printer, resin, prior) + "\ntables and scans:\n";
+    lift_exchange = by_tables.lift_exchange;
+    prior = {by_tables.covariance, "what the tables tell, above", by_tables.x};
   }
-  const bool other_light = a.other_wavelength && a.other_wavelength->count() > 0;
-  const Setup setup = setup_of(info, printer_path, resin_path, other_light);
-  const std::unique_ptr<const SliceSource> exposures = stack.exposures(setup.resin.m);
-  const SliceSource& shown = exposures ? *exposures : stack;
-  // What scans should look like, for their unit.
-  const PlaceModels models(setup.printer, setup.resin, setup.process, stack.grid(), stack.frame());
-  SolidOptions coarse;
-  coarse.reduce = size_of_solid(shown, models, context).reduction(2e5);
-  const TriangleMesh surface = solid_mesh(shown, models, coarse, context);
-  ScanReading reading;
-  reading.unit = a.scan_unit;
-  reading.voxel_um = a.voxel_um;
-  std::vector<Scan> scans;
-  for (const std::string& path : a.scans)
-    scans.push_back(read_scan(path, surface, reading, context));
-  std::vector<PrintScan> prints;
-  for (const Scan& scan : scans) prints.push_back({&scan, &shown});
-  const ScanTuneResult found = tune_by_scans(prints, setup, prior, {}, context);
+  std::vector<Printed> prints;
+  for (const std::string& path : a.stacks)
+    prints.push_back(printed_of(a, path, printer_path, resin_path, context));
+  const std::vector<Scan> scans = read_scans(a, prints, context);
+  ScanTuneResult found = tune_by_scans(paired(scans, prints), prints[0].setup, prior, {}, context);
+  if (!found.tuned.lift_exchange) found.tuned.lift_exchange = lift_exchange;
   Printer renamed = printer;
   if (!printer_output.empty()) renamed.name = name_in_file(printer_output, printer.name);
   write_tuned({resin_path, text, resin, a.output}, {printer_path, renamed, printer_output},
               found.tuned, console);
-  cli::print_result(found.to_text(printer, resin, prior) +
-                    next_text(next_parts(printer, resin, found.tuned, info.process,
-                                         stack.grid().layer_um, a.sigma_um),
+  cli::print_result(said + found.to_text(printer, resin, prior) +
+                    next_text(next_parts(printer, resin, found.tuned, prints[0].setup.process,
+                                         prints[0].stack->grid().layer_um, a.sigma_um),
                               a.sigma_um));
   if (!a.next.empty()) {
-    correct_next(a, stack, setup_of(info, printer_output, a.output, other_light), context, console);
+    const bool other_light = a.other_wavelength && a.other_wavelength->count() > 0;
+    correct_next(a, prints[0],
+                 setup_of(prints[0].stack->info(), printer_output, a.output, other_light), context,
+                 console);
   }
   return cli::kDone;
 }

@@ -18,6 +18,15 @@ std::string next_text(const std::vector<resins::NextPart>& parts, double sigma_u
 /// Where the printer's file goes: beside the resin's unless said.
 std::string printer_output_of(const cli::TuneOptions& a);
 
+/// Tables of parts, with the light of what was printed.
+struct MeasuredParts {
+  std::vector<resins::MeasuredPart> parts;
+  std::optional<Process> process;  ///< of the last that was printed
+  double layer_um = 50;            ///< of the last
+};
+MeasuredParts measured_parts(const cli::TuneOptions& a, const Printer& printer, const Resin& resin,
+                             const ExecutionContext& context);
+
 struct ResinToTune {
   std::string path, text;
   Resin before;

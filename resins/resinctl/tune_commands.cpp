@@ -74,6 +74,32 @@ void take_light(TuningTable& table, const std::string& path, const Printer& prin
 
 }  // namespace
 
+MeasuredParts measured_parts(const cli::TuneOptions& a, const Printer& printer, const Resin& resin,
+                             const ExecutionContext& context) {
+  MeasuredParts all;
+  for (const std::string& path : a.tables) {
+    TuningTable table = read_tuning_table(path);
+    all.layer_um = table.part.layer_um;
+    // As high as it was before it shrank.
+    for (MeasuredEdge& edge : table.part.edges) edge.measured_um /= resin.shrinkage.left(2);
+    if (table.printed()) {
+      if (a.printed.empty()) {
+        throw InputError(path, "", "is of a print; name the corrected stack by --printed");
+      }
+      take_light(table, a.printed, printer, context);
+      all.process = table.part.process;
+    }
+    all.parts.push_back(std::move(table.part));
+  }
+  if (resin.shrinkage.z_per_cent != 0) {
+    context.tell(
+        fmt::format("heights in tables are taken as what they were before the resin shrank by "
+                    "{:.4g} % along z",
+                    resin.shrinkage.z_per_cent));
+  }
+  return all;
+}
+
 std::string next_text(const std::vector<NextPart>& parts, double sigma_um) {
   std::string out = fmt::format("\nto measure next, to {:g} um (nat):\n", sigma_um);
   bool tuned = true;
@@ -104,9 +130,9 @@ void write_tuned(const ResinToTune& resin, const PrinterToTune& printer, const T
   copy_its_files(printer.path, printer.output);
   cli::write_text_file(printer.output, printer_with_tuning(read_text_file(printer.path),
                                                            printer.path, printer.renamed, found));
-  console.say(
-      fmt::format("{}: height and dose; {}: stray light, in the calibration. They belong together.",
-                  resin.output, printer.output));
+  console.say(fmt::format(
+      "{}: height and dose{}; {}: stray light, in the calibration. They belong together.",
+      resin.output, found.shrinkage ? ", and what it shrinks by" : "", printer.output));
 }
 
 namespace {
@@ -189,9 +215,11 @@ int tune_command(const cli::TuneOptions& a, const ExecutionContext& context,
     }
   };
   if (!a.scans.empty()) return tune_by_scans_command(a, context, console);
-  for (const std::string* of_scans : {&a.stack, &a.next, &a.target}) {
-    if (!of_scans->empty()) {
-      throw InputError(*of_scans, "", "belongs to scans; expected --scan, too, or only tables");
+  std::vector<std::string> of_scans = a.stacks;
+  of_scans.insert(of_scans.end(), {a.next, a.target});
+  for (const std::string& path : of_scans) {
+    if (!path.empty()) {
+      throw InputError(path, "", "belongs to scans; expected --scan, too, or only tables");
     }
   }
   if (std::any_of(a.tables.begin(), a.tables.end(), of_times)) return tune_by_times(a, console);
@@ -217,21 +245,7 @@ int tune_command(const cli::TuneOptions& a, const ExecutionContext& context,
   const TunePrior prior = cli::database_band(a.resin).empty()
                               ? prior_of(text, resin_path, printer)
                               : foreign_prior(cli::kDatabaseHeightSd, cli::kDatabaseDoseSd);
-  std::vector<MeasuredPart> parts;
-  std::optional<Process> process;
-  double layer_um = 50;
-  for (const std::string& path : a.tables) {
-    TuningTable table = read_tuning_table(path);
-    layer_um = table.part.layer_um;
-    if (table.printed()) {
-      if (a.printed.empty()) {
-        throw InputError(path, "", "is of a print; name the corrected stack by --printed");
-      }
-      take_light(table, a.printed, printer, context);
-      process = table.part.process;
-    }
-    parts.push_back(std::move(table.part));
-  }
+  const auto [parts, process, layer_um] = measured_parts(a, printer, resin, context);
   if (parts.empty()) {
     if (!a.output.empty() || !a.printer_output.empty()) {
       throw InputError("nothing was measured: there is nothing to write; expected tables");

@@ -62,6 +62,22 @@ std::string resin_with_tuning(const std::string& text, const std::string& source
   if (before.inhibition) {
     scale("inhibition", "critical_dose_prime", std::exp(-before.inhibition->m * result.x[1]));
   }
+  if (const auto& shrinkage = result.shrinkage) {
+    const auto put = [&](const char* table, const char* key, double value) {
+      edit.set(table, key, toml_number(value));
+      edit.set_comment(table, key, "# As slicecorr tune found it in scans.");
+    };
+    if (shrinkage->plane_per_cent != before.shrinkage.plane_per_cent) {
+      put("shrinkage", "plane", shrinkage->plane_per_cent);
+    }
+    if (shrinkage->z_per_cent != before.shrinkage.z_per_cent) {
+      put("shrinkage", "z", shrinkage->z_per_cent);
+    }
+    if (shrinkage->growth_um != before.shrinkage.growth_um) {
+      put("first_layers", "growth_um", shrinkage->growth_um);
+      put("first_layers", "height_um", shrinkage->height_um);
+    }
+  }
   // From now on it is a resin of this light.
   if (other_wavelength(printer, before)) {
     edit.set("cure", "wavelength_nm", toml_number(printer.wavelength_nm));

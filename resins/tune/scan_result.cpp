@@ -33,12 +33,16 @@ std::string ScanTuneResult::to_text(const Printer& printer, const Resin& resin,
     line("exchanged at a lift, share", ScanInput::exchange,
          [&](double x) { return exchange_before(printer) + x; });
   }
-  const auto per_cent = [](double x) { return 100 * x; };
-  const auto um = [](double mm) { return 1e3 * mm; };
-  line("shrinkage in the plane, %", ScanInput::shrinkage_plane, per_cent);
-  line("shrinkage along z, %", ScanInput::shrinkage_z, per_cent);
-  line("walls stand out by, um", ScanInput::walls, um);
-  line("first layers grow by, um", ScanInput::first_layers, um);
+  // Beside what the file says already.
+  const auto per_cent = [](double before) {
+    return [before](double x) { return 100 - (100 - before) * (1 - x); };
+  };
+  const Shrinkage& s = resin.shrinkage;
+  line("shrinkage in the plane, %", ScanInput::shrinkage_plane, per_cent(s.plane_per_cent));
+  line("shrinkage along z, %", ScanInput::shrinkage_z, per_cent(s.z_per_cent));
+  line("walls stand out by, um", ScanInput::walls, [](double mm) { return 1e3 * mm; });
+  line("first layers grow by, um", ScanInput::first_layers,
+       [&](double mm) { return s.growth_um + 1e3 * mm; });
   out += fmt::format(
       "\n{} points of {} scan{}, {} left out (beside the part, or where the surface comes and goes); noise of a point "
       "{:.3g} um\n",
@@ -47,6 +51,13 @@ std::string ScanTuneResult::to_text(const Printer& printer, const Resin& resin,
       "the surface is off by {:.3g} um rms before and {:.3g} um after: {:.3g} % of it stays unexplained\n",
       before_um, after_um,
       before_um > 0 ? 100 * std::min(1.0, after_um * after_um / (before_um * before_um)) : 0.0);
+  if (tuned.shrinkage) {
+    out += fmt::format("the resin {}: slices of meshes count it from now on\n",
+                       shrinkage_in_words(*tuned.shrinkage));
+  }
+  out +=
+      "not sought in scans: light that spreads or scatters, black that differs from place to place, the dead zone "
+      "under UV light; the parts spread, flat-field and dead-zone tell them\n";
   for (const std::string& text : not_apart) out += "not told apart by these parts: " + text + "\n";
   for (const Unexplained& u : unexplained) {
     out += fmt::format(

@@ -29,8 +29,6 @@ using Eigen::VectorXd;
 constexpr std::size_t kShrinkPlane = 4, kShrinkZ = 5, kWalls = 6, kFirstLayers = 7;
 /// What is known of shrinkage and offsets before any scan: a share, and mm.
 constexpr double kShrinkageSd = 0.01, kWallsSdMm = 0.03, kFirstSdMm = 0.1;
-/// Up to where the first layers grow, mm.
-constexpr double kFirstMm = 0.5;
 /// Differences are taken over this share of the standard deviation before.
 constexpr double kDifferenceStep = 0.2;
 /// The least noise that points are believed to have, mm: edges of predicted surfaces are as sharp.
@@ -63,6 +61,8 @@ struct ScanRow {
 /// One print: its scan's points, pose and frame.
 struct ScannedPrint {
   const SliceSource* shown;
+  Setup setup;                          ///< as it was printed, by what was believed
+  bool layerwise = false;               ///< with lifts that exchange resin
   std::vector<Point3> points, normals;  ///< normals where they are heeded
   Registration registration;
   Point3 middle{};  ///< about which it shrinks in the plane; z from the platform
@@ -78,8 +78,7 @@ class ScanFit {
         context_(context),
         quiet_(context),
         unknowns_(static_cast<Index>(kScanInputs + 6 * prints.size())) {
-    layerwise_ =
-        setup.process.mode == ExposureMode::layerwise && setup.process.lifts == Lifts::each;
+    first_mm_ = 1e-3 * setup.resin.shrinkage.height_um;
     quiet_.progress = nullptr;
     before_ = MatrixXd::Zero(kScanInputs, kScanInputs);
     before_.topLeftCorner(kUnknowns, kUnknowns) = matrix_of(prior.covariance);
@@ -87,7 +86,9 @@ class ScanFit {
     before_(kShrinkPlane, kShrinkPlane) = before_(kShrinkZ, kShrinkZ) = square(kShrinkageSd);
     before_(kWalls, kWalls) = square(kWallsSdMm);
     before_(kFirstLayers, kFirstLayers) = square(kFirstSdMm);
-    theta_ = VectorXd::Zero(kScanInputs);
+    mean_ = VectorXd::Zero(kScanInputs);
+    for (std::size_t k = 0; k < kTuned; ++k) mean_[static_cast<Index>(k)] = prior.mean[k];
+    theta_ = mean_;
     for (const PrintScan& p : prints) add(p, options.points);
   }
 
@@ -105,9 +106,9 @@ class ScanFit {
       for (Index k = 0; k < static_cast<Index>(kScanInputs); ++k) {
         most = std::max(most, std::abs(step[k]) / std::sqrt(before_(k, k)));
       }
-      const bool still = most < 0.01;
-      if (still && last_) break;
-      last_ = still || round > 0;
+      if (most < 0.01 && last_) break;
+      // Only near to the answer may what lies far off be forgotten: far from it, that is the whole of what is off.
+      last_ = most < 0.1 || round > 2;
     }
     last_ = true;
     linearise();
@@ -118,16 +119,20 @@ class ScanFit {
 
  private:
   void add(const PrintScan& p, std::size_t most) {
-    ScannedPrint print{p.shown, {}, {}, {}, {}, 0, 0, 1};
+    ScannedPrint print{p.shown, setup_, false, {}, {}, {}, {}, 0, 0, 1};
+    if (p.process) print.setup.process = *p.process;
+    const Process& process = print.setup.process;
+    print.layerwise = process.mode == ExposureMode::layerwise && process.lifts == Lifts::each;
+    layerwise_ = layerwise_ || print.layerwise;
     print.reduce =
-        size_of_solid(*p.shown, models_of(*p.shown, setup_), quiet_).reduction(kMostTriangles);
+        size_of_solid(*p.shown, models_of(*p.shown, print.setup), quiet_).reduction(kMostTriangles);
     if (print.reduce > 1) {
       context_.tell(fmt::format(
           "what is predicted to print is taken at one pixel in {} along x and y: walls are known "
           "to as much",
           print.reduce));
     }
-    const PredictedSurface now = predicted(print, TuneVector{});
+    const PredictedSurface now = predicted(print, x());
     print.registration = register_scan(*p.scan, now.mesh, *now.distance, quiet_);
     print.reach = 1e-3 * print.registration.reach_um;
     Point3 low, high;
@@ -152,7 +157,8 @@ class ScanFit {
     SolidOptions options;
     options.reduce = print.reduce;
     PredictedSurface p{
-        solid_mesh(*print.shown, models_of(*print.shown, tuned_setup(setup_, x)), options, quiet_),
+        solid_mesh(*print.shown, models_of(*print.shown, tuned_setup(print.setup, x)), options,
+                   quiet_),
         {}};
     p.distance.emplace(p.mesh);
     return p;
@@ -208,7 +214,7 @@ class ScanFit {
                   [&](std::size_t i) { begin_row(print, now, i, rows[i], on_surface[i]); });
     }
     for (std::size_t k = 0; k < kTuned; ++k) {
-      if (k == kExchange && !layerwise_) continue;
+      if (k == kExchange && !print.layerwise) continue;
       const double sd = std::sqrt(before_(static_cast<Index>(k), static_cast<Index>(k)));
       std::vector<std::array<double, 2>> off(rows.size());
       for (const int side : {0, 1}) {
@@ -272,7 +278,7 @@ class ScanFit {
     // From the surface: noise of the point in what it is multiplied with would make the part larger.
     const Eigen::Vector3d arm = vector_of(near->point) - vector_of(print.middle);
     const double level = std::hypot(near->normal[0], near->normal[1]);
-    const double first = level * std::max(0.0, 1 - near->point[2] / kFirstMm);
+    const double first = level * std::max(0.0, 1 - near->point[2] / first_mm_);
     row.place = near->point;
     row.by[kShrinkPlane] = way[0] * arm[0] + way[1] * arm[1];
     row.by[kShrinkZ] = way[2] * arm[2];
@@ -369,7 +375,7 @@ class ScanFit {
     const MatrixXd known = before_.inverse();
     constexpr auto inputs = static_cast<Index>(kScanInputs);
     a.topLeftCorner(inputs, inputs) += known;
-    b.head(inputs) -= known * theta_;
+    b.head(inputs) -= known * (theta_ - mean_);
     // A pose that no point holds is left as it is.
     a.diagonal().tail(unknowns_ - inputs).array() += 1e-3;
   }
@@ -494,6 +500,7 @@ class ScanFit {
     if (layerwise_ && result.findings[kExchange].sd < 0.15) {
       result.tuned.lift_exchange = tuned_exchange(setup_.printer, result.tuned.x);
     }
+    result.tuned.shrinkage = found_shrinkage(result.findings, setup_.resin.shrinkage);
     for (const ScannedPrint& print : prints_) result.registrations.push_back(print.registration);
     say_not_apart(a, result);
     std::vector<Unexplained> places;
@@ -548,14 +555,37 @@ class ScanFit {
   ExecutionContext quiet_;  ///< the same, whose stages are not told
   Index unknowns_;
   bool layerwise_ = false, last_ = false;
+  double first_mm_ = 0;  ///< up to where the first layers grow
   double noise_mm_ = 0;
   MatrixXd before_;
-  VectorXd theta_;
+  VectorXd mean_, theta_;  ///< known before, believed now
   std::vector<ScannedPrint> prints_;
   std::vector<std::vector<ScanRow>> rows_;
 };
 
 }  // namespace
+
+std::optional<Shrinkage> found_shrinkage(const std::vector<ScanFinding>& findings,
+                                         const Shrinkage& before) {
+  Shrinkage now = before;
+  const auto sure = [&](std::size_t k) {
+    const ScanFinding& f = findings[k];
+    return f.told() && std::abs(f.value) > 1.96 * f.sd;
+  };
+  const auto together = [&](double per_cent, std::size_t k) {
+    if (!sure(k)) return per_cent;
+    return std::clamp(100 - (100 - per_cent) * (1 - findings[k].value), Shrinkage::kLeast,
+                      Shrinkage::kMost);
+  };
+  now.plane_per_cent = together(before.plane_per_cent, kShrinkPlane);
+  now.z_per_cent = together(before.z_per_cent, kShrinkZ);
+  if (sure(kFirstLayers)) {
+    now.growth_um = std::clamp(before.growth_um + 1e3 * findings[kFirstLayers].value, 0.0,
+                               Shrinkage::kMostGrowthUm);
+  }
+  if (now == before) return std::nullopt;
+  return now;
+}
 
 Setup tuned_setup(const Setup& setup, const TuneVector& x) {
   Setup tuned = setup;

@@ -22,6 +22,7 @@
 #include <vector>
 
 #include "slicecorr/parallel.hpp"
+#include "slicecorr/shrinkage.hpp"
 
 namespace slicecorr {
 
@@ -114,6 +115,8 @@ struct Placement {
   Units units = Units::automatic;
   double scale = 1.0;   ///< a factor, > 0
   Point3 rotate_deg{};  ///< about x, y and z
+  /// What the part will shrink by: it becomes as much larger, after it was turned, about the file's origin.
+  Shrinkage shrinkage{};
 };
 
 /// Whether a file of this name is read as a mesh.

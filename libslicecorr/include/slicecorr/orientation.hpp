@@ -14,6 +14,7 @@
 #include <string>
 
 #include "slicecorr/grid.hpp"
+#include "slicecorr/shrinkage.hpp"
 
 namespace slicecorr {
 
@@ -79,6 +80,8 @@ struct ImageFrame {
   std::optional<Turn> to_display;
   /// How the plate lies in the images; nothing where an archive does not say.
   std::optional<Orientation> orientation = Orientation{};
+  /// What the shapes in them were made for: larger by what shrinks, their first outlines smaller by what grows.
+  Shrinkage made_for{};
   bool operator==(const ImageFrame&) const = default;
 };
 /// The frame of images after a turn.

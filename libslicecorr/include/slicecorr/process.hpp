@@ -23,6 +23,7 @@
 #include "slicecorr/lift_times.hpp"
 #include "slicecorr/orientation.hpp"
 #include "slicecorr/resin_chemistry.hpp"
+#include "slicecorr/shrinkage.hpp"
 #include "slicecorr/vat_window.hpp"
 
 namespace slicecorr {
@@ -350,6 +351,8 @@ struct Resin {
   /// Whether they were told per area (mJ/cm²): then another height changes them, not what they are at
   /// a surface. Seconds of full light and D'c are of a surface always.
   bool areal_critical_dose = false, areal_gel_dose = false;
+  Shrinkage
+      shrinkage{};  ///< what becomes of its parts' lengths; nothing where its file says nothing
   bool bleaches() const { return bleaching.has_value(); }
   bool operator==(const Resin&) const = default;
 };
@@ -368,6 +371,8 @@ inline constexpr double kMostScatter = 1e3;
 
 /// Throws `InputError` where the resin bleaches: that is not counted in `what`, a word or a few.
 void refuse_bleaching(const Resin& resin, const char* what);
+/// The same of a resin that shrinks, or whose first layers grow, where that is not counted.
+void refuse_shrinkage(const Resin& resin, const char* what);
 
 /// Absorption of the curing light, base e, 1/cm: that of its absorbance height.
 double absorption_per_cm(const Resin& resin);

@@ -160,6 +160,62 @@ struct ScanComparison {
   std::string to_text() const;
 };
 
+/// What a scan is measured against: "design" or "predicted".
+struct ScanSurface {
+  std::string against;
+  TriangleMesh mesh;
+};
+struct ScanAsk {
+  ScanReading reading;
+  double reach_um = 0;  ///< 0: a twentieth of the surface's diagonal
+};
+struct ComparedScan {
+  Scan scan;
+  ScanComparison comparison;
+};
+/// Reads a scan, lays it onto the last of these surfaces and measures it against all. Throws as `read_scan` and
+/// `register_scan`, and where there is no surface.
+ComparedScan compare_scan(const std::string& path, const std::vector<ScanSurface>& surfaces,
+                          const ScanAsk& ask = {}, const ExecutionContext& context = {});
+/// What a stack is predicted to print, with about `most_triangles` at most: where it would have more, every second pixel
+/// (third, ...) is taken, which is told.
+TriangleMesh predicted_surface(const SliceSource& shown, const PlaceModels& models,
+                               double most_triangles, const ExecutionContext& context = {});
+
+/// What the comparison of one print says of a laboratory.
+struct DriftPrint {
+  std::string source, name;  ///< the file with the figures, the scan's name
+  std::string against;
+  double mean_um = 0, mean_abs_um = 0, p95_um = 0;
+};
+/// Reads what `ScanComparison::to_json` wrote. Throws, naming `source` and the key.
+DriftPrint read_comparison(std::string_view json, const std::string& source);
+
+/// One figure over the prints, and its band: three standard deviations about the mean of the prints that were settled,
+/// where the standard deviation is that of prints that follow each other (a chart of individuals and moving ranges,
+/// Shewhart), at least 0.1 um.
+struct DriftBand {
+  std::string name;
+  std::vector<double> values_um;
+  double middle_um = 0, low_um = 0, high_um = 0;
+  std::vector<std::size_t> beyond;  ///< which prints lie outside
+  std::vector<std::size_t> runs;    ///< which is the eighth in a row on one side of the middle
+};
+struct ScanDrift {
+  std::vector<DriftPrint> prints;
+  std::size_t settled = 0;  ///< the first so many say the bands
+  std::vector<DriftBand> bands;
+  /// Whether the last print lies outside of a band.
+  bool last_is_beyond() const;
+  /// An object with a final newline; lines of plain text; a page that needs no other file.
+  std::string to_json() const;
+  std::string to_text() const;
+  std::string to_page() const;
+};
+/// `prints` in their order, three or more; `settled`: 0: all. Throws where these are fewer, or not all measured against
+/// the same.
+ScanDrift scan_drift(const std::vector<DriftPrint>& prints, std::size_t settled = 0);
+
 /// A page that needs no other file: the part in the round in the colours of its deviations, sections with the outlines of
 /// `surfaces` (as `comparison.deviations`) and the scan's points, histograms, tables.
 std::string scan_page(const ScanComparison& comparison, const Scan& scan,

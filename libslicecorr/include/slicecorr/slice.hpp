@@ -36,6 +36,9 @@ struct SliceOptions {
   double raised_um = 0;
   /// Whether there are `MeshSlices::edge_heights`. Slices are the same with and without.
   bool edge_heights = false;
+  /// Its growth of first layers is taken off their outlines. What shrinks is in the mesh already (`Placement`); both
+  /// are what the slices' frame says that they were made for.
+  Shrinkage shrinkage{};
 };
 
 /// Figures of the slicing itself.
@@ -85,6 +88,7 @@ class MeshSlices final : public SliceSource {
   MeshSlices(MeshSlices&&) noexcept;
   const Grid& grid() const override;
   PixelBox bounds() const override;
+  ImageFrame frame() const override;
   void read_band(const PixelBox& band, const Sink& sink) const override;
   void read_slices(const PixelBox& band, int first, int past, const Sink& sink) const override;
   bool reads_any_slices() const override { return true; }
@@ -102,6 +106,8 @@ class MeshSlices final : public SliceSource {
  private:
   class Heights;
   struct Impl;
+  /// The slices as the mesh is cut.
+  void cut_slices(const PixelBox& band, int first, int past, const Sink& sink) const;
   std::unique_ptr<Impl> impl_;
 };
 

@@ -12,6 +12,10 @@
 /// is linear. Space is cut into tetrahedra, so there are no ambiguous cases, and the surface is
 /// always closed.
 ///
+/// What the resin says becomes of a part after printing (`Resin::shrinkage` of the models) is in all surfaces and
+/// distances: it shrinks about the middle of what the images show, and towards the platform; walls of the first
+/// layers stand out. Models that were made without a resin know nothing of it.
+///
 /// All functions are thread-safe as long as no two write the same file. What does not fit throws
 /// `InputError`, a failing disk `DeviceError`, a cancelled `context` `Cancelled`.
 #pragma once

@@ -104,6 +104,8 @@ struct StackInfo {
   std::optional<LiftTimes> lift_times{};
   /// Time of the print that the archive says itself, s; 0 when it says none.
   double own_print_time_s = 0;
+  /// As `ImageFrame::made_for`; of archives of other programs nobody knows it.
+  Shrinkage made_for{};
 };
 
 /// Height of a layer, um.

@@ -56,6 +56,9 @@ Correction make_part(const SliceSource& target, Setup setup, const StackFile& fi
     figures["light_s"] = time.light_s;
     figures["print_time_s"] =
         time.all_s() ? nlohmann::ordered_json(*time.all_s()) : nlohmann::ordered_json();
+    if (const Shrinkage& s = setup.resin.shrinkage; s.any()) {
+      figures["made_for"] = slicecorr::detail::own_json<nlohmann::ordered_json>(s.to_json());
+    }
     figures["uncorrected"] =
         slicecorr::detail::own_json<nlohmann::ordered_json>(result->before->to_json());
     proof.emplace(proof_path, figures.dump(2) + "\n");

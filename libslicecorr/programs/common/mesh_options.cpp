@@ -186,6 +186,7 @@ Placement MeshOptions::placement() const {
   Placement p;
   p.units = units_named(units);
   p.scale = scale;
+  p.shrinkage = shrinkage;
   if (!rotate_deg.empty()) p.rotate_deg = {rotate_deg[0], rotate_deg[1], rotate_deg[2]};
   if (fit_mm <= 0 || parts.empty()) return p;
   if (fit_factor_ == 0)
@@ -274,6 +275,7 @@ SliceOptions MeshOptions::slice_options(Surface surface) const {
   SliceOptions o;
   o.layer_um = layer_um;
   o.raised_um = raised_um;
+  o.shrinkage = shrinkage;
   o.antialias = antialias == "on";
   o.edge_heights = surface == Surface::mesh;
   if (!center_mm.empty()) o.center_mm = {center_mm[0], center_mm[1]};
@@ -486,6 +488,12 @@ namespace {
 
 MeshSlices slice_placed(PlateParts parts, const SliceOptions& options, const Printer& printer,
                         const ExecutionContext& context) {
+  if (const Shrinkage& s = options.shrinkage; s.any()) {
+    context.tell(fmt::format(
+        "parts are {:.4f} times as large along x and y and {:.4f} times along z{}, for a resin that {}",
+        1 / s.left(0), 1 / s.left(2),
+        s.grows() ? ", the outlines of their first layers smaller" : "", shrinkage_in_words(s)));
+  }
   MeshSlices slices(std::move(parts.mesh), printer, options, context, &parts.edge_defects);
   const ThinFeatures thin = slices.thin_features(context);
   // Every round part has a few at its rims.

@@ -33,8 +33,9 @@ struct MeshOptions {
   double fit_mm = 0;  ///< longest side of all parts together; 0: as `scale` says
   std::vector<double> rotate_deg;
   PlateChoices plate;
-  int plates = 1;    ///< at most so many plates
-  int of_plate = 0;  ///< the parts of which of them are sliced
+  int plates = 1;         ///< at most so many plates
+  int of_plate = 0;       ///< the parts of which of them are sliced
+  Shrinkage shrinkage{};  ///< of the resin, where parts are made for one
   void add_to(CLI::App& app);
   void add_antialias_to(CLI::App& app);
   /// Only how meshes are turned, scaled and placed; `add_to` has these, too.

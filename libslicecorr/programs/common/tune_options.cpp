@@ -26,10 +26,14 @@ void TuneOptions::add_to(CLI::App& app, bool required) {
                  "NAME-printer.toml]");
   app.add_option(
          "--scan", scans,
-         "Scans of a print in place of tables: meshes or points (.stl, .ply, .obj, .off, .3mf)")
+         "Scans of prints, beside tables or alone: meshes or points (.stl, .ply, .obj, .off, .3mf)")
       ->take_all()
       ->expected(1, 1000);
-  app.add_option("--stack", stack, "Scans: the corrected stack that was printed");
+  app.add_option(
+         "--stack", stacks,
+         "Scans: the corrected stack that was printed, one for all scans or one for each in their order")
+      ->take_all()
+      ->expected(1, 1000);
   app.add_option("--scan-unit", scan_unit,
                  "Unit of the scans' numbers: auto, um, mm, cm, inch or m")
       ->check(CLI::IsMember({"auto", "um", "mm", "cm", "inch", "m"}))
@@ -40,7 +44,10 @@ void TuneOptions::add_to(CLI::App& app, bool required) {
   app.add_option(
       "--next", next,
       "Scans: stack to write, --target corrected with what was found (.uvj, or another format)");
-  app.add_option("--target", target, "Stack of the design, for --next");
+  app.add_option(
+      "--target", target,
+      "For --next: the mesh of the design, which is sliced for what the resin was found to shrink by, or its "
+      "slices as they are");
 }
 
 }  // namespace slicecorr::cli

@@ -19,9 +19,11 @@ struct TuneOptions {
   std::string printer, resin, printed, output, printer_output;
   double sigma_um = 10;
   std::vector<std::string> scans;
-  std::string stack, scan_unit = "auto";  ///< of the scans: what was printed, their unit
-  double voxel_um = 0;                    ///< of volumes
-  std::string next, target;               ///< a stack to correct anew, of this design
+  std::vector<std::string>
+      stacks;  ///< of the scans: what was printed; one for all, or one for each
+  std::string scan_unit = "auto";
+  double voxel_um = 0;       ///< of volumes
+  std::string next, target;  ///< a stack to correct anew, of this design
   CLI::Option* other_wavelength = nullptr;
   /// `required`: printer and resin must be given.
   void add_to(CLI::App& app, bool required);

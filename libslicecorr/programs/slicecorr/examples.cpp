@@ -39,6 +39,7 @@ void add_examples(Program& program) {
        "custom-resin-1 -o light.png"},
       {"scan compare",
        "slicecorr scan compare scan.ply --stack part.uvj --design part.stl --html scan.html"},
+      {"scan drift", "slicecorr scan drift one.json two.json three.json --html drift.html"},
       {"features", "slicecorr features --json -"},
       {"settings", "slicecorr settings"},
   });

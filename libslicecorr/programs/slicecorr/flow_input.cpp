@@ -85,8 +85,10 @@ FlowInput read_flow_input(const FlowOptions& o, const ExecutionContext& context)
   if (meshes) {
     if (!(o.mesh.layer_um > 0)) throw InputError("--layer-um is required with meshes");
     take_process(o, nullptr, in, context);
-    in.slices = std::make_unique<const MeshSlices>(
-        slice_parts(o.mesh, in.printer, Surface::slices, context));
+    MeshOptions mesh = o.mesh;
+    mesh.shrinkage = in.resin.shrinkage;
+    in.slices =
+        std::make_unique<const MeshSlices>(slice_parts(mesh, in.printer, Surface::slices, context));
     return in;
   }
   if (parts.size() != 1) throw InputError("expected meshes, or one stack");

@@ -86,6 +86,8 @@ int run_program(int argc, char** argv) {
   a.setup.add_surface_to(*sub);
   heights(sub);
   sub->add_option("--printer", a.setup.printer, "Printer: a .toml file or a name")->required();
+  sub->add_option("--resin", a.setup.resin,
+                  "Resin, a .toml file or a name: parts become larger by what it shrinks");
   stack_output(sub, "Stack to write (.uvj, or another format)");
 
   sub = add("correct", "Correct a stack for a printer, a resin and a speed", commands::correct);

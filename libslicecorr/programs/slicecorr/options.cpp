@@ -167,6 +167,12 @@ std::string describe_stack(const StackInfo& info, const LayerAreas* areas) {
                         text::printable(info.resin->name), info.resin->absorbance_height10_um,
                         dose_in_words(*info.resin));
   }
+  if (info.resin && info.resin->shrinkage.any()) {
+    text += fmt::format("shrinkage    {}\n", shrinkage_in_words(info.resin->shrinkage));
+  }
+  if (info.made_for.any()) {
+    text += fmt::format("made for     a resin that {}\n", shrinkage_in_words(info.made_for));
+  }
   if (info.printer && info.resin) {
     const bool uv = info.process && info.process->uv.kind != UvKind::off;
     for (const std::string& sentence : light_notices(*info.printer, *info.resin, uv)) {
@@ -342,6 +348,11 @@ std::string info_json(const StackInfo& info, const std::string& path, const Laye
   if (info.printer && info.printer->platform_reflectance > 0) {
     j["platform_reflectance"] = info.printer->platform_reflectance;
   }
+  const auto add_shrinkage = [&](const char* key, const Shrinkage& s) {
+    if (s.any()) j[key] = slicecorr::detail::own_json<ordered_json>(s.to_json());
+  };
+  if (info.resin) add_shrinkage("shrinkage", info.resin->shrinkage);
+  add_shrinkage("made_for", info.made_for);
   if (info.resin) {
     j["resin"] = info.resin->name;
     j["absorbance_height10_um"] = info.resin->absorbance_height10_um;

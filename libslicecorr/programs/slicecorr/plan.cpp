@@ -50,13 +50,16 @@ Setup resolve(const PlanOptions& o) {
   return all;
 }
 
-std::unique_ptr<const SliceSource> read_input(const PlanOptions& o, const Printer& printer,
+std::unique_ptr<const SliceSource> read_input(const PlanOptions& o, const Setup& setup,
                                               const ExecutionContext& context) {
+  const Printer& printer = setup.printer;
   const std::vector<std::string>& parts = o.mesh.parts;
   if (std::all_of(parts.begin(), parts.end(), is_mesh_name)) {
     if (!(o.mesh.layer_um > 0)) throw InputError("--layer-um is required with meshes");
+    MeshOptions mesh = o.mesh;
+    mesh.shrinkage = setup.resin.shrinkage;
     return std::make_unique<const MeshSlices>(
-        slice_parts(o.mesh, printer, o.setup.wanted_surface(), context));
+        slice_parts(mesh, printer, o.setup.wanted_surface(), context));
   }
   if (parts.size() != 1) throw InputError("expected meshes, or one stack");
   MissingFacts facts;
@@ -130,7 +133,7 @@ PrintPlan plan_orientations(PlanOptions o, const Setup& setup, const PlanAsk& as
     PlanOrientation& one = all.emplace_back();
     one.rotate_deg = r;
     try {
-      const auto part = read_input(o, setup.printer, context);
+      const auto part = read_input(o, setup, context);
       PrintPlan found = plan_part(*part, setup, ask, context);
       one.prints = true;
       one.speed_mm_h = found.at.speed_mm_h;
@@ -176,9 +179,9 @@ int plan(const PlanOptions& o, const ExecutionContext& context, Console& console
   }
   tell_notices(setup, nullptr, context);
   tell_database_band(o.setup.resin, context);
-  const PrintPlan found = o.orientations.empty() ? plan_part(*read_input(o, setup.printer, context),
-                                                             setup, ask, context)
-                                                 : plan_orientations(o, setup, ask, context);
+  const PrintPlan found = o.orientations.empty()
+                              ? plan_part(*read_input(o, setup, context), setup, ask, context)
+                              : plan_orientations(o, setup, ask, context);
   if (!o.json.empty()) print_or_write(o.json, found.to_json());
   if (o.json != "-") print_result(plan_text(found));
   if (!o.slice_speeds.empty()) {

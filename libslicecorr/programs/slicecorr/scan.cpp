@@ -12,32 +12,11 @@
 #include "slicecorr/error.hpp"
 #include "slicecorr/scan.hpp"
 #include "slicecorr/stack.hpp"
+#include "support/files/text_file.hpp"
 
 namespace slicecorr::cli {
 
 namespace {
-
-/// A surface that a scan is measured against.
-struct Surface3d {
-  std::string against;
-  TriangleMesh mesh;
-  MeshDistance distance;
-};
-
-/// The mesh of what a stack prints, with five million triangles at most.
-TriangleMesh predicted_mesh(const StackReader& stack, const Setup& setup,
-                            const ExecutionContext& context) {
-  const PlaceModels models(setup.printer, setup.resin, setup.process, stack.grid(), stack.frame());
-  const std::unique_ptr<const SliceSource> exposures = stack.exposures(setup.resin.m);
-  const SliceSource& shown = exposures ? *exposures : stack;
-  SolidOptions options;
-  options.reduce = size_of_solid(shown, models, context).reduction(5e6);
-  if (options.reduce > 1) {
-    context.tell(fmt::format(
-        "what was predicted to print is taken at one pixel in {} along x and y", options.reduce));
-  }
-  return solid_mesh(shown, models, options, context);
-}
 
 /// The design where it stands in its files, its least z on the platform.
 TriangleMesh on_platform(TriangleMesh mesh) {
@@ -58,14 +37,12 @@ int compare(const ScanOptions& o, const ExecutionContext& context, Console& cons
     throw InputError(
         "nothing to measure against; expected the stack that was printed, the design, or both");
   }
-  std::vector<Surface3d> surfaces;
+  std::vector<ScanSurface> surfaces;
   if (o.stack.empty()) {
     if (!o.setup.printer.empty() || !o.setup.resin.empty()) {
       throw InputError("printer and resin say what a stack prints; expected the stack, too");
     }
-    TriangleMesh design = on_platform(read_parts(o.mesh, context).mesh);
-    MeshDistance distance(design);
-    surfaces.push_back({"design", std::move(design), std::move(distance)});
+    surfaces.push_back({"design", on_platform(read_parts(o.mesh, context).mesh)});
   } else {
     const StackReader stack(o.stack, folder_of(o.page.empty() ? o.json : o.page), context);
     const Setup setup = o.setup.resolve(&stack.info(), &stack.info());
@@ -74,40 +51,41 @@ int compare(const ScanOptions& o, const ExecutionContext& context, Console& cons
       TriangleMesh design = on_plate(read_parts(o.mesh, context).mesh, setup.printer,
                                      o.mesh.slice_options(Surface::slices).center_mm);
       check_design_size(stack, stack_height_um(stack.info(), stack.grid().layers) * 1e-3, design);
-      MeshDistance distance(design);
-      surfaces.push_back({"design", std::move(design), std::move(distance)});
+      surfaces.push_back({"design", std::move(design)});
     }
-    TriangleMesh predicted = predicted_mesh(stack, setup, context);
-    MeshDistance distance(predicted);
-    surfaces.push_back({"predicted", std::move(predicted), std::move(distance)});
+    const PlaceModels models(setup.printer, setup.resin, setup.process, stack.grid(),
+                             stack.frame());
+    const std::unique_ptr<const SliceSource> exposures = stack.exposures(setup.resin.m);
+    surfaces.push_back(
+        {"predicted", predicted_surface(exposures ? *exposures : stack, models, 5e6, context)});
   }
-  // What was predicted to print lies nearer to the print, where there is a stack.
-  const Surface3d& poser = surfaces.back();
-  ScanReading reading;
-  reading.unit = o.unit;
-  reading.voxel_um = o.voxel_um;
-  const Scan scan = read_scan(o.scan, poser.mesh, reading, context);
-  ScanComparison comparison;
-  comparison.scan = o.scan;
-  comparison.unit = scan.unit;
-  comparison.points = scan.points.size();
-  comparison.triangles = scan.triangles;
-  comparison.notes = scan.notes;
-  comparison.posed_by = poser.against;
-  comparison.registration = register_scan(scan, poser.mesh, poser.distance, context);
-  const double reach_mm = 1e-3 * (o.reach_um > 0 ? o.reach_um : comparison.registration.reach_um);
+  ScanAsk ask;
+  ask.reading.unit = o.unit;
+  ask.reading.voxel_um = o.voxel_um;
+  ask.reach_um = o.reach_um;
+  const auto [scan, comparison] = compare_scan(o.scan, surfaces, ask, context);
   std::vector<const TriangleMesh*> meshes;
-  for (const Surface3d& surface : surfaces) {
-    comparison.deviations.push_back(deviation_from(scan, comparison.registration.pose, surface.mesh,
-                                                   surface.distance, surface.against, reach_mm,
-                                                   context));
-    meshes.push_back(&surface.mesh);
-  }
+  for (const ScanSurface& surface : surfaces) meshes.push_back(&surface.mesh);
   if (!o.page.empty()) write_text_file(o.page, scan_page(comparison, scan, meshes));
   if (!o.json.empty()) print_or_write(o.json, comparison.to_json());
   if (o.json != "-") print_result(comparison.to_text());
   if (!o.page.empty()) console.say(fmt::format("{}: written", o.page));
   return kDone;
+}
+
+int drift(const ScanOptions& o, Console& console) {
+  check_output(o.json, o.comparisons);
+  check_output(o.page, o.comparisons);
+  std::vector<DriftPrint> prints;
+  for (const std::string& path : o.comparisons) {
+    prints.push_back(read_comparison(read_text_file(path), path));
+  }
+  const ScanDrift found = scan_drift(prints, static_cast<std::size_t>(o.settled));
+  if (!o.page.empty()) write_text_file(o.page, found.to_page());
+  if (!o.json.empty()) print_or_write(o.json, found.to_json());
+  if (o.json != "-") print_result(found.to_text());
+  if (!o.page.empty()) console.say(fmt::format("{}: written", o.page));
+  return found.last_is_beyond() ? kMissed : kDone;
 }
 
 }  // namespace
@@ -144,6 +122,18 @@ void add_scan(Program& program, ScanOptions& o) {
   o.setup.add_to(*sub, false, false);
   sub->add_option("--json", o.json, "Write all figures as JSON to FILE, or - for stdout");
   sub->add_option("--html", o.page, "Write a page with the part in the round to FILE (.html)");
+
+  sub = program.add_to(
+      group, "drift", "Say whether a laboratory's prints wander, by their comparisons in order",
+      [&o](const ExecutionContext&, Console& console) { return drift(o, console); });
+  sub->add_option("COMPARISON", o.comparisons,
+                  "What scan compare --json wrote of each print, in their order")
+      ->required()
+      ->check(CLI::ExistingFile);
+  sub->add_option("--settled", o.settled, "The first N prints say the band [all]")
+      ->check(CLI::Range(3, 1'000'000));
+  sub->add_option("--json", o.json, "Write all figures as JSON to FILE, or - for stdout");
+  sub->add_option("--html", o.page, "Write a page with the charts to FILE (.html)");
 }
 
 }  // namespace slicecorr::cli

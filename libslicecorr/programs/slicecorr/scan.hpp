@@ -5,6 +5,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "programs/common/mesh_options.hpp"
 #include "programs/common/program.hpp"
@@ -16,8 +17,10 @@ struct ScanOptions {
   MeshOptions mesh;  ///< its parts are the design
   SetupOptions setup;
   std::string scan, stack, unit = "auto", json, page;
-  double voxel_um = 0;  ///< of volumes
-  double reach_um = 0;  ///< 0: a twentieth of the surface's diagonal
+  double voxel_um = 0;                   ///< of volumes
+  double reach_um = 0;                   ///< 0: a twentieth of the surface's diagonal
+  std::vector<std::string> comparisons;  ///< of drift
+  int settled = 0;                       ///< 0: all
 };
 
 /// Adds `scan`, which keeps what it is told in `options`.

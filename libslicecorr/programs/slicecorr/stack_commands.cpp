@@ -52,8 +52,10 @@ int run_plate(const Arguments& a, const Setup& setup, const ExecutionContext& co
 
 }  // namespace
 
-int slice(const Arguments& a, const ExecutionContext& context, Console& console) {
+int slice(const Arguments& given, const ExecutionContext& context, Console& console) {
+  Arguments a = given;
   format_of(a.file());
+  if (!a.setup.resin.empty()) a.mesh.shrinkage = load_resin(a.setup.resin).shrinkage;
   const Printer printer = load_display(a.setup.printer);
   check_can_be_made(a.file(), !a.layers.empty() || !a.adaptive_um.empty());
   tell_not_read(a, a.file(), context);
@@ -147,9 +149,12 @@ int correct(const Arguments& a, const ExecutionContext& context, Console& consol
   return kDone;
 }
 
-int run(const Arguments& a, const ExecutionContext& context, Console& console) {
+int run(const Arguments& given, const ExecutionContext& context, Console& console) {
+  Arguments a = given;
   check_can_be_made(a.file(), !a.layers.empty() || !a.adaptive_um.empty());
   SetupOptions chosen = a.setup;
+  // Heights of layers by slopes are those of the part as it is sliced.
+  if (!chosen.resin.empty()) a.mesh.shrinkage = load_resin(chosen.resin).shrinkage;
   chosen.layer_heights_um = wanted_heights(a).um();
   chosen.layer_um = a.mesh.layer_um;
   const Setup setup = a.uncertain.put(chosen.resolve(nullptr, nullptr), chosen);

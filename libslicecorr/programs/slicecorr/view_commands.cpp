@@ -385,7 +385,9 @@ int compare(const Arguments& a, const ExecutionContext& context, Console& consol
   Setup setup = chosen.resolve(nullptr, nullptr);
   tell_notices(setup, nullptr, context);
   tell_database_band(chosen.resin, context);
-  const MeshSlices target = slice_parts(a.mesh, setup.printer, setup.process.surface, context);
+  MeshOptions mesh = a.mesh;
+  mesh.shrinkage = setup.resin.shrinkage;
+  const MeshSlices target = slice_parts(mesh, setup.printer, setup.process.surface, context);
   setup.process = schedule_uv(target, setup, context);
   const Comparison c = compare_methods(target, setup, context);
   if (!a.json.empty()) {

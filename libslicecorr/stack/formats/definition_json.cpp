@@ -14,6 +14,7 @@
 #include "slicecorr/light_unit.hpp"
 #include "slicecorr/vial.hpp"
 #include "stack/flat_field_entry.hpp"
+#include "support/json/read_json.hpp"
 #include "support/text/base64.hpp"
 
 namespace slicecorr::detail {
@@ -410,6 +411,7 @@ Json resin_json(const Resin& r) {
                          {"dose_mj_cm2", r.bleaching->dose_mj_cm2}};
   }
   if (r.chemistry) json["chemistry"] = chemistry_json(*r.chemistry);
+  if (r.shrinkage.any()) json["shrinkage"] = own_json<Json>(r.shrinkage.to_json());
   return json;
 }
 
@@ -543,7 +545,17 @@ Resin read_resin(const Node& node) {
     }
   }
   if (node.has("chemistry")) r.chemistry = read_chemistry(node["chemistry"]);
+  if (node.has("shrinkage")) r.shrinkage = read_shrinkage(node["shrinkage"]);
   return r;
+}
+
+Shrinkage read_shrinkage(const Node& node) {
+  Shrinkage s;
+  s.plane_per_cent = node["plane_per_cent"].number(Shrinkage::kLeast, Shrinkage::kMost);
+  s.z_per_cent = node["z_per_cent"].number(Shrinkage::kLeast, Shrinkage::kMost);
+  s.growth_um = node["first_layers_growth_um"].number(0, Shrinkage::kMostGrowthUm);
+  s.height_um = node["first_layers_height_um"].positive(Shrinkage::kMostHeightUm);
+  return s;
 }
 
 }  // namespace slicecorr::detail

@@ -24,5 +24,6 @@ nlohmann::ordered_json resin_json(const Resin& resin);
 /// picture.
 Printer read_printer(const JsonNode<nlohmann::json>& node);
 Resin read_resin(const JsonNode<nlohmann::json>& node);
+Shrinkage read_shrinkage(const JsonNode<nlohmann::json>& node);
 
 }  // namespace slicecorr::detail

@@ -72,6 +72,8 @@ int block_format(const StackInfo& info) {
                        light_spreads(*info.printer, *info.resin, *info.process);
   const bool relative =
       (info.printer && is_relative(*info.printer)) || (info.resin && is_relative(*info.resin));
+  // Older programs would take such parts for as large as they print.
+  if (info.made_for.any() || (info.resin && info.resin->shrinkage.any())) return 15;
   // Older programs would take such a lamp to do what is asked of it.
   if (info.process && !info.process->uv_lamp_share.empty()) return 14;
   // Older programs would take such light for steady, and for even.
@@ -161,6 +163,7 @@ OrderedJson block_json(const StackInfo& info, const ImageChecksums& checksums) {
     block["frame"] = {{"images", "display"}};
     if (info.orientation_known) block["frame"]["orientation"] = orientation_json(info.orientation);
   }
+  if (info.made_for.any()) block["made_for"] = own_json<OrderedJson>(info.made_for.to_json());
   if (!info.original_sha256.empty()) block["original_sha256"] = info.original_sha256;
   if (info.recording) block["recording"] = recording_json(*info.recording);
   // Slices of other programs get no checksums.

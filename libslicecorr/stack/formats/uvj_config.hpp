@@ -24,7 +24,7 @@ namespace slicecorr::detail {
 /// spreads, 7 even light, 8 slices with speeds of their own, 9 such with lamps that stay, 10 a resin that
 /// bleaches, 11 light below full or layers of different heights, 12 light in other units than mW/cm², 13
 /// grey by pulses, uneven UV light or a lamp that fades, 14 a UV lamp that fades.
-inline constexpr int kUvjBlockFormat = 14;
+inline constexpr int kUvjBlockFormat = 15;
 
 /// Words of the block, in the order of UvKind.
 inline const std::vector<std::string> kNamesOfUv{"off", "constant", "per_slice", "patterned"};

@@ -292,6 +292,7 @@ void read_block(const SortedNode& block, ArchiveContents& config) {
       info.orientation = read_orientation(block["frame"]["orientation"]);
     }
   }
+  if (block.has("made_for")) info.made_for = read_shrinkage(block["made_for"]);
   if (needed || block.has("resin")) info.resin = read_resin(block["resin"]);
   if (needed || block.has("process")) {
     info.process = read_process(block["process"], mode, format);
@@ -317,7 +318,7 @@ void read_block(const SortedNode& block, ArchiveContents& config) {
     config.uv_images_crc32 =
         static_cast<std::uint32_t>(block["uv_images_crc32"].whole(0, 0xffffffff));
   }
-  if (format == 5) {
+  if (format == 5 || block.has("edge_images_crc32")) {
     config.edge_images_crc32 =
         static_cast<std::uint32_t>(block["edge_images_crc32"].whole(0, 0xffffffff));
     info.has_edge_heights = true;

@@ -538,6 +538,7 @@ double most_absorption_per_mm(const Box<std::uint8_t>& part, const std::vector<B
 
 GelTimeOf time_to_gel_of(const Resin& resin) {
   refuse_bleaching(resin, "printing by beams");
+  refuse_shrinkage(resin, "printing by beams");
   const double factor = resin.dose_factor > 0 ? resin.dose_factor : 1;
   if (resin.has_gel_time()) {
     const GelTime g{resin.gel_a_mj_cm2 / factor, resin.gel_b_sqrt_mw_cm2_s / factor};

@@ -17,6 +17,7 @@
 /// Plain values; functions are thread-safe, results do not depend on threads. Errors are `InputError`.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -28,10 +29,11 @@
 
 namespace slicecorr::resins {
 
-/// A print, as it was shown, and its scan. Both must stay.
+/// A print, as it was shown, and its scan. All must stay.
 struct PrintScan {
   const Scan* scan = nullptr;
   const SliceSource* shown = nullptr;
+  const Process* process = nullptr;  ///< how it was printed; null: as the setup says
 };
 
 /// What scans are asked for, in this order: the four of `TuneVector`, then what the part alone has.
@@ -48,10 +50,11 @@ enum class ScanInput {
 inline constexpr std::size_t kScanInputs = 8;
 
 /// One of them: a change, where the first four are those of `TuneVector`; shrinkage as a share of lengths, above 0
-/// shorter; offsets in mm, above 0 outwards, that of the first layers falling to 0 half a millimetre from the platform.
+/// shorter; offsets in mm, above 0 outwards, that of the first layers falling to 0 where `Shrinkage::height_um` says.
+/// All are changes of what the files say.
 struct ScanFinding {
   double value = 0, sd = 0;  ///< found
-  double sd_before = 0;      ///< known before, about 0
+  double sd_before = 0;      ///< known before
   /// The sd fell to half or less: the scan tells it.
   bool told() const { return sd <= 0.5 * sd_before; }
 };
@@ -81,8 +84,13 @@ struct ScanTuneResult {
 
 struct ScanTuneOptions {
   std::size_t points = 12'000;  ///< of each scan, at most
-  int rounds = 6;               ///< at most
+  int rounds = 8;               ///< at most
 };
+
+/// What a resin's file says from now on of shrinkage and first layers: what is told and lies beyond its 95 % is new;
+/// nothing where nothing is.
+std::optional<Shrinkage> found_shrinkage(const std::vector<ScanFinding>& findings,
+                                         const Shrinkage& before);
 
 /// The most probable inputs. `setup`: as the prints were made, by what is believed. Throws as `register_scan`, and where
 /// nothing was scanned.

@@ -67,7 +67,8 @@ TuningTable read_tuning_table(const std::string& path);
 
 struct TunePrior {
   TuneMatrix covariance{};
-  std::string text;  ///< where it comes from, in words
+  std::string text;   ///< where it comes from, in words
+  TuneVector mean{};  ///< the most probable x before
 };
 /// ha 10 %, kappa 10 %, stray light 0.3 mW/cm², exchange 0.3.
 TunePrior default_prior();
@@ -117,6 +118,8 @@ struct TuneResult {
   std::vector<std::string> missing;   ///< edges that were not measured, or that are not predicted
   std::vector<std::string> outliers;  ///< left out: more than 4 standard deviations away
   std::vector<std::string> remarks;   ///< results beyond 3 standard deviations of the prior
+  /// What the resin shrinks by, as scans told; nothing: its file stays as it is.
+  std::optional<Shrinkage> shrinkage{};
   /// What was known, what is found, and by how much that changes printer and resin.
   std::string to_text(const Printer& printer, const Resin& resin, const TunePrior& prior) const;
 };

@@ -466,6 +466,33 @@ class Archives(unittest.TestCase):
                     slicecorr.correct(source, made, part_inside=wrong, **light)
                 self.assertEqual(caught.exception.status, 2)
 
+    def test_scans(self):
+        """As the program compares a scan; of another part it is refused."""
+        with tempfile.TemporaryDirectory() as name:
+            folder = pathlib.Path(name)
+            (folder / "small.toml").write_text(DISPLAY)
+
+            def program(*words):
+                done = subprocess.run([PROGRAM, *map(str, words)], capture_output=True, text=True)
+                self.assertEqual(done.returncode, 0, done.stderr)
+                return done.stdout
+
+            boxes = [((0, 0, 0), (2.2, 1.6, 0.4)), ((0, 0, 0.4), (0.6, 1.6, 2)), ((0.6, 0, 1), (2, 0.7, 1.4))]
+            part, stack, printed = folder / "part.obj", folder / "part.uvj", folder / "printed.ply"
+            part.write_text("".join(box_obj(k, *box) for k, box in enumerate(boxes)))
+            (folder / "other.obj").write_text("".join(box_obj(0, (0, 0, 0), (2, 2, 2))))
+            program("run", part, "-o", stack, "--printer", folder / "small.toml", "--layer-um", 50, "--resin",
+                    SOURCE / "resins/db/figure-2-2.toml", "--speed-mm-h", 1000)
+            program("solid", stack, "-o", printed)
+            told = program("scan", "compare", printed, "--stack", stack, "--design", part, "--json", "-")
+            expected = json.loads(told)
+            figures = slicecorr.scan_compare(printed, stack, design=part, scan_unit="mm")
+            self.assertEqual(figures, expected)
+            self.assertLess(figures["deviations"][1]["max_abs_um"], 0.01)
+            with self.assertRaises(slicecorr.InputError) as caught:
+                slicecorr.scan_compare(folder / "other.obj", stack)
+            self.assertIn("another part", str(caught.exception))
+
 
 def box_obj(number, low, high):
     """A box, as the `number`th of an OBJ file."""

@@ -240,6 +240,9 @@ TEST(CAbi, NullIsABadCallThatNamesTheArgument) {
   bad(slicecorr_predict(nullptr, s, j, &new_figures), "target");
   bad(slicecorr_predict(t, nullptr, j, &new_figures), "setup");
   bad(slicecorr_predict(t, s, j, nullptr), "figures");
+  bad(slicecorr_scan_compare(nullptr, t, s, j, &new_figures), "scan");
+  bad(slicecorr_scan_compare("scan.stl", nullptr, s, j, &new_figures), "stack");
+  bad(slicecorr_scan_compare("scan.stl", t, s, j, nullptr), "figures");
   bad(slicecorr_plan(nullptr, s, j, &new_figures), "target");
   bad(slicecorr_plan(t, nullptr, j, &new_figures), "setup");
   bad(slicecorr_plan(t, s, j, nullptr), "figures");

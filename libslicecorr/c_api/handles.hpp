@@ -35,6 +35,8 @@ struct Choices : SetupChoices {
   std::string beyond_reach;       ///< refuse, allow
   std::string uncertain, robust;  ///< as the option --uncertain; on, off
   double tolerance_um = 0, gap_contrast = 0;
+  std::string design, scan_unit;  ///< of a scan: the mesh that was sliced, the unit of its numbers
+  double voxel_um = 0;
 };
 
 }  // namespace slicecorr::c_api

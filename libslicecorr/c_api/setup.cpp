@@ -84,6 +84,10 @@ const std::vector<Named>& all_settings() {
          {"on", "off"});
     number("tolerance_um", &C::tolerance_um, "how far edges may lie from the design (plan)");
     number("gap_contrast", &C::gap_contrast, "1 less the least dose that gaps are to have (plan)");
+    text("design", &C::design, "path of the mesh that was sliced (scan_compare)");
+    text("scan_unit", &C::scan_unit, "unit of a scan's numbers (scan_compare)",
+         {"auto", "um", "mm", "cm", "inch", "m"});
+    number("voxel_um", &C::voxel_um, "side of a voxel of a scan that is a volume (scan_compare)");
     number("voxel_mm", &C::voxel_mm, "side of a voxel (tomographic)");
     count("angles", &C::angles, "frames of a turn (tomographic)");
     text("method", &C::method, "how light is found: ladder, osmo, kelly or fbp (tomographic)",

@@ -21,6 +21,8 @@
 #include "slicecorr/place_models.hpp"
 #include "slicecorr/plan.hpp"
 #include "slicecorr/print_file.hpp"
+#include "slicecorr/scan.hpp"
+#include "slicecorr/solid.hpp"
 #include "slicecorr/version.hpp"
 
 namespace slicecorr::c_api {
@@ -334,6 +336,33 @@ PrintPlan plan(const slicecorr_stack& target, const slicecorr_setup* asked, slic
   return plan_print(images.source(), setup, ask, context);
 }
 
+std::string compare_with_scan(const std::string& scan, const slicecorr_stack& stack,
+                              const Choices& choices, slicecorr_job* handle) {
+  const ExecutionContext context = job_of(handle);
+  if (stack.info.kind != StackKind::corrected) {
+    throw InputError(name_of(stack), "",
+                     "is no corrected stack; expected the one that was printed");
+  }
+  const Setup setup = resolve_setup(choices, &stack.info, &stack.info, ChoiceNames::fields);
+  tell_notices(setup, stack, context);
+  const Images images(stack, setup.printer, scratch_folder(handle), context);
+  const SliceSource& shown = images.source();
+  std::vector<ScanSurface> surfaces;
+  if (!choices.design.empty()) {
+    TriangleMesh design = on_plate(
+        read_mesh(choices.design, placement_of(choices, {choices.design}), context), setup.printer);
+    const int layers = stack.info.grid.layers;
+    check_design_size(shown, stack_height_um(stack.info, layers) * 1e-3, design);
+    surfaces.push_back({"design", std::move(design)});
+  }
+  const PlaceModels models(setup.printer, setup.resin, setup.process, shown.grid(), shown.frame());
+  surfaces.push_back({"predicted", predicted_surface(shown, models, 5e6, context)});
+  ScanAsk ask;
+  if (!choices.scan_unit.empty()) ask.reading.unit = choices.scan_unit;
+  ask.reading.voxel_um = choices.voxel_um;
+  return compare_scan(scan, surfaces, ask, context).comparison.to_json();
+}
+
 }  // namespace
 
 }  // namespace slicecorr::c_api
@@ -476,6 +505,17 @@ slicecorr_status slicecorr_predict(const slicecorr_stack* target, const slicecor
     Output output(figures, "figures");
     const slicecorr_stack& t = need(target, "target");
     output.give(figures_of(verify(t, t, setup_for_target(t, setup), left_alone(setup), job)));
+  });
+}
+
+slicecorr_status slicecorr_scan_compare(const char* scan, const slicecorr_stack* stack,
+                                        const slicecorr_setup* setup, slicecorr_job* job,
+                                        slicecorr_figures** figures) {
+  return guarded(error_of(job), [&] {
+    Output output(figures, "figures");
+    need(scan, "scan");
+    output.give(figures_of(
+        compare_with_scan(scan, need(stack, "stack"), setup ? setup->choices : Choices{}, job)));
   });
 }
 

@@ -130,6 +130,10 @@ SLICECORR_API void slicecorr_setup_free(slicecorr_setup* setup);
  *                        for what the resin's file says; predictions then say how sure they are
  *  robust                on, off: corrections keep features and gaps for all that uncertain names
  *  tolerance_um, gap_contrast   what slicecorr_plan() is to keep
+ *  design                path of the mesh that was sliced, which slicecorr_scan_compare() measures by, too;
+ *                        units, scale, fit_mm and rotate_deg are then of this mesh
+ *  scan_unit             unit of a scan's numbers: auto, um, mm, cm, inch, m
+ *  voxel_um              side of a voxel of a scan that is a volume
  *
  *  Tomographic printing looks at printer and resin, at what changes the resin (dc_mj_cm3, ha_um,
  *  dose_factor), and at these, which other calls don't look at:
@@ -369,6 +373,17 @@ SLICECORR_API slicecorr_status slicecorr_verify(const slicecorr_stack* stack,
 SLICECORR_API slicecorr_status slicecorr_predict(const slicecorr_stack* target,
                                                  const slicecorr_setup* setup, slicecorr_job* job,
                                                  slicecorr_figures** figures);
+
+/** Measures a scan of a print: a mesh, points, or a volume (docs/scan.md), in any pose. `stack` is what was printed; what
+ *  it is predicted to print says how the scan lies, with the printer and resin of `setup` where these are set (NULL: as
+ *  it was corrected). Where the setup names the mesh that was sliced (design), the scan is measured against that, too.
+ *  `figures`: those of `slicecorr scan compare --json` ("deviations.0.mean_abs_um"); they have no summary. A scan of
+ *  another part is SLICECORR_BAD_INPUT. */
+SLICECORR_API slicecorr_status slicecorr_scan_compare(const char* scan,
+                                                      const slicecorr_stack* stack,
+                                                      const slicecorr_setup* setup,
+                                                      slicecorr_job* job,
+                                                      slicecorr_figures** figures);
 
 /** Finds how fast `target` can be printed with edges within tolerance_um (25 when not set) and a
  *  contrast of gap_contrast (0.05) in gaps, and what limits it; layer by layer the least exposure. The

@@ -19,7 +19,7 @@ from ._library import (
     library_path,
     version,
 )
-from .stacks import correct
+from .stacks import correct, scan_compare
 
 __version__ = version()
 __all__ = [
@@ -34,5 +34,6 @@ __all__ = [
     "Toml",
     "correct",
     "library_path",
+    "scan_compare",
     "version",
 ]

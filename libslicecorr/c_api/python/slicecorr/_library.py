@@ -125,6 +125,7 @@ def _load() -> ctypes.CDLL:
         "stack_open": (integer, [text, out]),
         "stack_free": free,
         "correct": (integer, [handle, handle, text, handle, out, out]),
+        "scan_compare": (integer, [text, handle, handle, handle, out]),
         "figures_json": (text, [handle]),
         "figures_free": free,
         "list_new": (integer, [text, out]),

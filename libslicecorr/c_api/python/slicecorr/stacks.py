@@ -26,3 +26,19 @@ def correct(source: "Union[str, os.PathLike[str]]", target: "Union[str, os.PathL
     check(function("stack_open")(os.fsencode(source), stack.out))
     Run(threads, progress, notice).call("correct", stack, setup, os.fsencode(target), ..., after.out, None)
     return figures_of(after)
+
+
+def scan_compare(scan: "Union[str, os.PathLike[str]]", stack: "Union[str, os.PathLike[str]]", *,
+                 printer: Optional[Definition] = None, resin: Optional[Definition] = None, threads: int = 0,
+                 progress: Optional[Progress] = None, notice: Optional[Callable[[str], Any]] = None,
+                 **settings: Any) -> Figures:
+    """Lays the scan of a print onto what `stack`, which was printed, is predicted to print, and measures how far it is off.
+
+    `printer` and `resin` replace those that the stack has in it. `design` is the path of the mesh that was sliced, by
+    which it is measured, too, `scan_unit` and `voxel_um` say what the scan's numbers are. Returns the figures of
+    `slicecorr scan compare --json`. Raises `InputError` for a scan of another part."""
+    setup = setup_of({"printer": printer, "resin": resin, **settings})
+    printed, figures = Handle("stack"), Handle("figures")
+    check(function("stack_open")(os.fsencode(stack), printed.out))
+    Run(threads, progress, notice).call("scan_compare", os.fsencode(scan), printed, setup, ..., figures.out)
+    return figures_of(figures)

@@ -70,6 +70,8 @@ std::vector<PartKind> kinds() {
 class ScanPrints : public ProgramFixture {
  protected:
   ScanPrints() {
+    // Seconds of work; at night other tests run beside it.
+    options_.timeout = std::chrono::minutes(5);
     write("small.toml", kSmallPrinter);
     write("believed.toml", resin_text("believed", 600, 576));
     // 6 % higher absorbance height at a light that counts 4 % less; it shrinks, and its first layers stand out.

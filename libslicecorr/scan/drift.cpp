@@ -112,6 +112,7 @@ ScanDrift scan_drift(const std::vector<DriftPrint>& prints, std::size_t settled)
   drift.settled = settled == 0 ? prints.size() : settled;
   const auto add = [&](const char* name, double DriftPrint::*figure) {
     std::vector<double> values;
+    values.reserve(prints.size());
     for (const DriftPrint& p : prints) values.push_back(p.*figure);
     drift.bands.push_back(band_of(name, values, drift.settled));
   };

@@ -484,7 +484,7 @@ class Archives(unittest.TestCase):
             program("run", part, "-o", stack, "--printer", folder / "small.toml", "--layer-um", 50, "--resin",
                     SOURCE / "resins/db/figure-2-2.toml", "--speed-mm-h", 1000)
             program("solid", stack, "-o", printed)
-            told = program("scan", "compare", printed, "--stack", stack, "--design", part, "--json", "-")
+            told = program("scan", "compare", printed, "--stack", stack, "--design", part, "--scan-unit", "mm", "--json", "-")
             expected = json.loads(told)
             figures = slicecorr.scan_compare(printed, stack, design=part, scan_unit="mm")
             self.assertEqual(figures, expected)

@@ -66,8 +66,8 @@ class PrintedBodies {
   KeptVoxels kept_;
   /// By band: of what prints, and of where what is designed, and what is covered whole, is otherwise.
   KeptVoxels::Stream printed_, designed_other_, whole_other_;
-  KeptVoxels::Stream moments_;       ///< of the printed voxels
-  std::atomic<bool> in_time_;        ///< moments are known, so far
+  KeptVoxels::Stream moments_;  ///< of the printed voxels
+  std::atomic<bool> in_time_;   ///< moments are known, so far
 };
 
 /// Tells what of a print hangs on nothing and what it traps. Throws `InfeasibleError` where something

@@ -153,7 +153,7 @@ class Print:
             self.m = inhibition["m"]
             self.dose = inhibition["critical_dose_prime"] or self.dose
             self.beta, self.huv_um = inhibition["beta"], inhibition["absorbance_height10_um"] / math.log(10)
-            self.steps = max(steps, 64)
+            self.steps = max(steps, 256)
             if uv["kind"] == "constant":
                 given = [np.full(blue.shape[1:], uv["uv_mw_cm2"])] * self.layers
             elif uv["kind"] == "per_slice":

@@ -9,6 +9,7 @@
 #include <slicecorr.h>
 
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
@@ -108,6 +109,13 @@ inline StackHandle open_stack(const std::string& path) {
 
 inline std::string json_of(const FiguresHandle& figures) {
   return slicecorr_figures_json(figures.get());
+}
+
+/// Of figures of what uncorrected light prints, which corrections do not follow in time.
+inline nlohmann::ordered_json not_in_time(const std::string& figures) {
+  auto json = nlohmann::ordered_json::parse(figures);
+  for (const char* key : {"in_time", "time_step_um"}) json.erase(key);
+  return json;
 }
 
 /// The ladder's archive, and its printer.

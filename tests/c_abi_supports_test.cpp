@@ -65,7 +65,7 @@ TEST_F(CAbiSupports, SupportsAreLeftAlone) {
   EXPECT_EQ(slicecorr_stack_number(corrected.get(), "part_volume_mm3", &volume), SLICECORR_OK);
   EXPECT_EQ(volume, expected.info.part_volume_mm3);
   ASSERT_EQ(slicecorr_predict(t.get(), s.get(), nullptr, out(predicted)), SLICECORR_OK);
-  EXPECT_EQ(json_of(predicted), expected.before->to_json());
+  EXPECT_EQ(not_in_time(json_of(predicted)), not_in_time(expected.before->to_json()));
   // Also for who asks before the work.
   EXPECT_EQ(slicecorr_check(t.get(), s.get(), nullptr), SLICECORR_OK) << slicecorr_error_text();
   ASSERT_EQ(slicecorr_setup_set_text(s.get(), "uncertain", "ha=5%"), SLICECORR_OK);

@@ -182,7 +182,7 @@ TEST(CAbiResults, EqualThoseOfTheCppPipelineByteForByte) {
     const slicecorr::Setup scheduled{setup.printer, setup.resin, *expected.info.process};
     EXPECT_EQ(json_of(predicted), verify_stack(target, target, scheduled).to_json());
     if (scheduled.process.uv.kind == UvKind::off) {
-      EXPECT_EQ(json_of(predicted), json_of(before));
+      EXPECT_EQ(not_in_time(json_of(predicted)), not_in_time(json_of(before)));
     }
 
     // In memory: without figures, then with them.

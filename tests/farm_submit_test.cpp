@@ -601,6 +601,21 @@ TEST_F(Prepare, AnOutputNeverReplacesAnInput) {
   EXPECT_THAT(refused({r}), ElementsAre(HasSubstr("is an input")));
   r.name = "corrected";
   EXPECT_THAT(refused({r}), IsEmpty());
+  // What is said of meshes is not passed over; a default is for the jobs that it fits.
+  for (const char* key : {"arrange", "scale"}) {
+    r.said = {{key, {"line 7", false}}};
+    EXPECT_THAT(refused({r}), ElementsAre(HasSubstr(std::string("line 7: ") + key +
+                                                    " is for meshes; the slices of an archive")));
+    r.said = {{key, {"line 2", true}}};
+    EXPECT_THAT(refused({r}), ElementsAre(HasSubstr("line 2")));
+    EXPECT_THAT(refused({r,
+                         [&] {
+                           JobRequest mesh = request(make_part(2));
+                           mesh.said = r.said;
+                           return mesh;
+                         }()}),
+                IsEmpty());
+  }
 }
 
 TEST_F(Prepare, DeadlinesAreTheNextTimeClocksShowThem) {

@@ -91,7 +91,7 @@ TEST(PulsedGrey, IsRefusedWhereItIsNotCounted) {
     return "";
   };
   const Printer pulsed = lamp(GreyLight::pulsed, 0);
-  EXPECT_THAT(refusal(pulsed, resin_of(1), uv), HasSubstr("blue.grey"));
+  EXPECT_EQ(refusal(pulsed, resin_of(1), uv), "");
   EXPECT_EQ(refusal(lamp(GreyLight::steady, 0), resin_of(0.7), uv), "");
   Process plain;
   plain.speed_mm_h = 300;
@@ -563,8 +563,7 @@ TEST_F(FadingUv, IsRefusedWhereItIsNotCounted) {
   const RunResult sure =
       correct("even.toml", "x.uvj",
               {"--uv-mw-cm2", "200", "--uv-lamp-log", "log.csv", "--uncertain", "ha=5%"});
-  EXPECT_EQ(sure.exit_code, 2);
-  EXPECT_THAT(sure.err, HasSubstr("uv_lamp_log"));
+  EXPECT_EQ(sure.exit_code, 0) << sure.err;
   for (const char* bad :
        {"slice,uv_lamp_share\n0,1.2\n", "slice,uv_lamp_share\n0,0\n", "slice,lamp_share\n0,1\n",
         "slice,lamp_share,uv_lamp_share\n0,1\n", "seconds,uv_share\n0,1\n"}) {

@@ -39,7 +39,8 @@ except ImportError as missing:  # the packages for tests bring it
 WIDTH, HEIGHT, LAYERS = 12, 10, 26
 PIXEL_UM, LAYER_UM = 50, 50
 # Midpoints of steps miss (step / absorbance height)^2 / 24 of a dose: 4e-6 of blue light (16 steps of a layer of 50 um,
-# 300 um), 2e-5 of UV light (64 steps, 37.8 um), more where the rate begins at its clamp, in one step: 2.1e-4 was the most.
+# 300 um), 1e-6 of UV light (256 steps, 37.8 um), more where the rate begins at its clamp, in one step: 7e-4 was the most
+# with 64 steps, of light that is all but held off by UV light.
 TOLERANCE = 5e-4
 # Where another dose is wanted: columns of pixels, and the dose.
 REGION, REGION_DOSE = (1, 5), 1.6

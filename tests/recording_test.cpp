@@ -335,7 +335,7 @@ TEST_F(RecordingDamage, VersionsAreHeld) {
   EXPECT_EQ(config["slicecorr"]["format"], 4);
   EXPECT_EQ(config["slicecorr"]["kind"], "recorded");
   EXPECT_THAT(read_with_block([](json& b) { b["format"] = 16; }),
-              HasSubstr("made by a newer version of this program: format 15"));
+              HasSubstr("made by a newer version of this program: format 16"));
   // What readers of format 3 know does not include a recording.
   EXPECT_THAT(read_with_block([](json& b) { b["format"] = 3; }), HasSubstr("kind"));
 }

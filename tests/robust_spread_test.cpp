@@ -188,11 +188,6 @@ TEST(RobustSpread, WhatCannotBeIsRefused) {
   s = setup(true);
   s.process.spread_rounds = 0;
   EXPECT_THAT(refusal(s), HasSubstr("corrected alone; expected rounds"));
-  s = setup(true);
-  const auto values = std::make_shared<const std::vector<std::uint8_t>>(
-      static_cast<std::size_t>(kWidth * kHeight), std::uint8_t{250});
-  s.printer.flat_field = FlatField{kWidth, kHeight, values, 255, false};
-  EXPECT_THAT(refusal(s), HasSubstr("is uneven; expected a printer without display.flat_field"));
 }
 
 }  // namespace

@@ -435,6 +435,10 @@ const std::set<std::string, std::less<>> kOfAll{
     "part",   "parts",    "printer",  "resin",  "layer_um", "mode",   "name", "out",
     "copies", "priority", "ready_by", "labels", "user",     "format", "for"};
 const std::set<std::string, std::less<>> kOfMeshes{"units", "scale", "fit_mm", "rotate_deg"};
+/// Of meshes that are sliced, besides those.
+const std::set<std::string, std::less<>> kOfPlates{
+    "antialias", "center_mm",     "overlap",    "arrange",   "spacing_mm",    "turn_about_z",
+    "places_mm", "quarter_turns", "own_fit_mm", "own_scale", "own_rotate_deg"};
 const std::set<std::string, std::less<>> kOfTomography{
     "voxel_mm",   "method",       "window", "angles",     "iterations",
     "max_time_s", "beyond_reach", "insert", "clip_sigma", "stop_error"};
@@ -442,14 +446,24 @@ const std::set<std::string, std::less<>> kOfTomography{
 }  // namespace
 
 JobKind kind_of(const JobRequest& r) {
-  if (r.setup.mode != kTomographyMode) return JobKind::slices;
+  if (r.setup.mode != kTomographyMode) {
+    if (r.parts.empty() || std::any_of(r.parts.begin(), r.parts.end(), is_mesh_name)) {
+      return JobKind::meshes;
+    }
+    return r.part_inside.empty() ? JobKind::archive : JobKind::archive_around_part;
+  }
   return std::any_of(r.parts.begin(), r.parts.end(), is_volume) ? JobKind::tomographic_volume
                                                                 : JobKind::tomographic_mesh;
 }
 
 std::string misfit(const std::string& key, const std::string& name, JobKind kind) {
   if (kOfAll.contains(key)) return {};
-  if (kind == JobKind::slices) {
+  if (!is_tomographic(kind)) {
+    const bool sliced = kOfPlates.contains(key) ||
+                        (kOfMeshes.contains(key) && kind != JobKind::archive_around_part);
+    if (sliced && kind != JobKind::meshes) {
+      return fmt::format("{} is for meshes; the slices of an archive stay as they are", name);
+    }
     if (!kOfTomography.contains(key)) return {};
     return fmt::format("{} is for tomographic prints; expected mode {} with it", name,
                        kTomographyMode);
@@ -518,7 +532,7 @@ void expand_copies(JobRequest& r) {
   o.parts = r.parts;
   const std::vector<std::string> files = o.files();
   if (files.size() == r.parts.size()) return;
-  if (kind_of(r) != JobKind::slices) {
+  if (is_tomographic(kind_of(r))) {
     throw InputError(r.parts[0], "", "copies have no place in a tomographic print");
   }
   r.plate = cli::for_copies(r.plate, r.parts);

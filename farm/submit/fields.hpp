@@ -33,7 +33,14 @@ std::string set_field(JobRequest& request, const std::string& key, const Value& 
 inline constexpr const char* kLayerHeights = "layer_heights_um";
 
 /// What kind of job a request is for.
-enum class JobKind { slices, tomographic_mesh, tomographic_volume };
+enum class JobKind {
+  meshes,               ///< to be sliced
+  archive,              ///< of slices
+  archive_around_part,  ///< with supports, around a mesh
+  tomographic_mesh,
+  tomographic_volume
+};
+inline bool is_tomographic(JobKind kind) { return kind >= JobKind::tomographic_mesh; }
 JobKind kind_of(const JobRequest& request);
 /// Why `key` has no place in a job of this kind; empty when it has one. `name`: of the key in
 /// messages.

@@ -23,7 +23,7 @@ std::string without_point(std::string ending) {
 }
 
 void fit_to(JobRequest& r, const MachineSpec& machine) {
-  if (kind_of(r) != JobKind::slices) {
+  if (is_tomographic(kind_of(r))) {
     throw InputError("for: machines of machines.toml print layers, and the job is tomographic");
   }
   std::string& printer = r.setup.printer;

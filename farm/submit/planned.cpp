@@ -57,7 +57,7 @@ std::unique_ptr<const SliceSource> part_of(const JobRequest& r, const Setup& set
 }
 
 void plan(JobRequest& r, const std::string& scratch_folder, const ExecutionContext& context) {
-  if (kind_of(r) != JobKind::slices) {
+  if (is_tomographic(kind_of(r))) {
     throw InputError(named(r, "plan") + " has no place in a tomographic print");
   }
   const bool layerwise = r.setup.mode == "layerwise";

@@ -73,7 +73,7 @@ struct Resolved {
 /// Parts, then what is left alone beside them and meshes inside, or of tomographic jobs inserts.
 std::vector<std::string> inputs_of(const JobRequest& r) {
   std::vector<std::string> list = r.parts;
-  if (detail::kind_of(r) == detail::JobKind::slices) {
+  if (!detail::is_tomographic(detail::kind_of(r))) {
     list.insert(list.end(), r.leave_alone.begin(), r.leave_alone.end());
     list.insert(list.end(), r.part_inside.begin(), r.part_inside.end());
   } else {
@@ -452,7 +452,7 @@ class Preparation {
         static_cast<std::size_t>(std::count_if(r.parts.begin(), r.parts.end(), is_mesh_name));
     w.mesh = meshes == r.parts.size();
     const detail::JobKind kind = detail::kind_of(r);
-    if (kind == detail::JobKind::slices) {
+    if (!detail::is_tomographic(kind)) {
       if (!w.mesh && r.parts.size() > 1) {
         throw InputError(meshes > 0 ? "meshes and archives can't share a plate"
                                     : "one archive of slices makes a job of its own");
@@ -472,7 +472,7 @@ class Preparation {
         throw InputError(part, "", "is a folder; expected a file (zip the images)");
       }
     }
-    if (kind != detail::JobKind::slices) {
+    if (detail::is_tomographic(kind)) {
       std::tie(w.setup.printer, w.setup.resin) = detail::resolve_tomographic(r, w.spec);
       w.setup_json = definitions_json(w.setup.printer, w.setup.resin);
       w.setup_hash = sha256_of_text(w.setup_json);

@@ -114,7 +114,9 @@ inline std::string json_of(const FiguresHandle& figures) {
 /// Of figures of what uncorrected light prints, which corrections do not follow in time.
 inline nlohmann::ordered_json not_in_time(const std::string& figures) {
   auto json = nlohmann::ordered_json::parse(figures);
-  for (const char* key : {"in_time", "time_step_um"}) json.erase(key);
+  for (const char* key : {"in_time", "time_step_um", "islands", "islands_in_all", "verdict"}) {
+    json.erase(key);
+  }
   return json;
 }
 

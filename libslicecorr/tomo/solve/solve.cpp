@@ -32,8 +32,7 @@ void check_options(const Projector& projector, const Target& target, const Solve
   if (o.rungs.empty()) refuse("rungs", "must have at least one");
   double before = 1;
   for (const double rung : o.rungs) {
-    if (!(rung > 0 && rung < before))
-      refuse("rungs", "must be below 1, above 0 and fall");
+    if (!(rung > 0 && rung < before)) refuse("rungs", "must be below 1, above 0 and fall");
     before = rung;
   }
   if (!(o.osmo_low > 0 && o.osmo_low < o.osmo_high && o.osmo_high <= 1)) {

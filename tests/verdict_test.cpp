@@ -75,6 +75,8 @@ TEST(PrintVerdictTest, FromOneInAHundredItIsAnotherPart) {
   p.undercure_voxels = p.target_voxels - 1;
   EXPECT_THAT(verdict_of(p).words,
               HasSubstr("designed: over 99 % of its voxels stay liquid, 1 % of the gaps"));
+  p.merged_features = p.gaps;
+  EXPECT_THAT(verdict_of(p).words, HasSubstr("100 % of the gaps"));
   p.printed_voxels = 0;
   expect(p, Outcome::fails, "Nothing prints: no voxel reaches the dose that gels.");
   expect(Prediction(), Outcome::look, "Nothing is designed: no voxel is covered whole.");
@@ -89,6 +91,9 @@ TEST(PrintVerdictTest, WhatFallsComesFirst) {
       with_bodies(b), Outcome::look,
       "Prints as designed but for what to look at: 2 bodies hang on nothing while it prints, until "
       "the rest reaches them (the largest 1 mm³).");
+  b.islands[0].voxels = 226000;
+  EXPECT_THAT(verdict_of(with_bodies(b)).words, HasSubstr("(the largest 113 mm³)"));
+  b.islands[0].voxels = 2000;
   b.loose_bodies = 1;
   Prediction p = with_bodies(b);
   // Slices are told by where they begin.

@@ -26,10 +26,16 @@ double share(std::uint64_t part, std::uint64_t whole) {
   return whole == 0 ? 0 : static_cast<double>(part) / static_cast<double>(whole);
 }
 
+/// To so many digits, and never as a power of ten of something large.
+std::string to_digits(double value, int digits) {
+  const std::string text = fmt::format("{:.{}g}", value, digits);
+  return value < 1 || text.find('e') == std::string::npos ? text : fmt::format("{:.0f}", value);
+}
+
 /// Of a whole; shares that round to nothing or to all are still not that.
 std::string percent(double of_one) {
   if (of_one > 0.99 && of_one < 1) return "over 99 %";
-  return fmt::format("{:.2g} %", 100 * of_one);
+  return to_digits(100 * of_one, 2) + " %";
 }
 
 /// Where to look first; empty where nothing is off by a micrometre.
@@ -39,14 +45,15 @@ std::string place(const Prediction& p) {
   const bool placed = p.at_heights || p.surface_error_um.count() == 0;
   const double um = placed ? p.height_error_um.greatest() : p.surface_error_um.greatest();
   if (p.worst_x < 0 || um < 1) return {};
-  std::string words = fmt::format(" The worst edge is {:.3g} um off", um);
+  std::string words = fmt::format(" The worst edge is {} um off", to_digits(um, 3));
   if (placed) words += fmt::format(", in pixel {}, {}", p.worst_x, p.worst_y);
   return words + ".";
 }
 
 std::string edges(const Prediction& p) {
   if (p.design_error_um().count() == 0) return {};
-  return fmt::format(" 95 % of edges lie within {:.2g} um.", p.design_error_um().quantile(0.95));
+  return fmt::format(" 95 % of edges lie within {} um.",
+                     to_digits(p.design_error_um().quantile(0.95), 2));
 }
 
 /// Why it does not hold on the platform, or holds on the window.
@@ -122,8 +129,8 @@ std::vector<std::string> to_look_at(const Prediction& p) {
                     with_noun(b.islands_in_all, "body hangs on nothing", "bodies hang on nothing"),
                     b.islands_in_all == 1 ? "it" : "them",
                     largest_mm3 > 0
-                        ? fmt::format(" ({}{:.2g} mm³)",
-                                      b.islands_in_all == 1 ? "" : "the largest ", largest_mm3)
+                        ? fmt::format(" ({}{} mm³)", b.islands_in_all == 1 ? "" : "the largest ",
+                                      to_digits(largest_mm3, 2))
                         : ""));
     add(b.necks_in_all,
         fmt::format("{} by less than {:.3g} mm²",

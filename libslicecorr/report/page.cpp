@@ -91,7 +91,7 @@ Markup deciding_figures(const ReportContent& c) {
       [](const Prediction& p) { return counted(p.cure_through_voxels); });
   row("Gaps that close, by column",
       [](const Prediction& p) { return counted(p.merged_features) + " of " + counted(p.gaps); });
-  row("Bodies that hang on nothing", [](const Prediction& p) {
+  row("Bodies that never hang on the platform", [](const Prediction& p) {
     return p.bodies ? counted(p.bodies->printed.loose_bodies) : std::string("-");
   });
   return table;

@@ -465,6 +465,8 @@ TEST_F(TestPartsProgram, DoseCombsTellTheDoseToAimAt) {
   // The empty table, and what combs need.
   EXPECT_THAT(call({"tune", "combs.csv", "--printer", "wide.toml", "--resin", "r.toml"}).err,
               HasSubstr("0 combs"));
+  EXPECT_THAT(call({"tune", "nothing.csv", "--printer", "wide.toml", "--resin", "r.toml"}).err,
+              HasSubstr("nothing.csv: is not there"));
   const RunResult no_speed = call(
       {"testpart", "dose-combs", "--printer", "wide.toml", "--resin", "r.toml", "-o", "x.uvj"});
   EXPECT_EQ(no_speed.exit_code, 2);

@@ -17,6 +17,7 @@
 #include "tomo/operators/directions.hpp"
 #include "tomo/operators/footprint.hpp"
 #include "tomo/operators/square_projector.hpp"
+#include "tomo/print/judging.hpp"
 #include "tomo_jobs.hpp"
 #include "tomo_reference.hpp"
 #include "tomo_walk.hpp"
@@ -270,15 +271,7 @@ TEST(TomoFootprints, BoundsHoldForAllLightOfAPoint) {
       for (int k = -1; k <= 1; ++k) part.values[part.at(z, c, c + k)] = 255;
     }
     part.values[part.at(1, c + 1, c)] = 255;
-    Volume volume(g);
-    for (int z = 0; z < 3; ++z) {
-      for (int y = 0; y < g.voxels; ++y) {
-        for (int x = 0; x < g.voxels; ++x) {
-          volume.coverage[g.voxel(x, y, z)] = part.values[part.at(z, y, x)];
-        }
-      }
-    }
-    const Target target(volume);
+    const Target target(detail::volume_of(g, part));
     const double best =
         most_contrast(weights_on(bench, target, Kind::gel), weights_on(bench, target, Kind::empty));
     PrintOptions options;
@@ -315,15 +308,7 @@ TEST(TomoFootprints, BoundsOfSlackHoldForAllLight) {
   }
   const DoseBands wanted = wanted_doses(values, {}, gels);
   const Box<std::uint8_t> part = part_of(wanted, gels);
-  Volume volume(g);
-  for (int z = 0; z < 3; ++z) {
-    for (int y = 0; y < g.voxels; ++y) {
-      for (int x = 0; x < g.voxels; ++x) {
-        volume.coverage[g.voxel(x, y, z)] = part.values[part.at(z, y, x)];
-      }
-    }
-  }
-  const Target target(volume);
+  const Target target(detail::volume_of(g, part));
   std::vector<std::vector<double>> least = weights_on(bench, target, Kind::gel),
                                    most = weights_on(bench, target, Kind::empty);
   // Voxels lie [y][x][slice], as rows of weights do.

@@ -212,12 +212,10 @@ std::vector<double> DoseCombs::image_s() const {
 MeasuringForm DoseCombs::form() const {
   MeasuringForm f;
   f.part = "dose-combs";
-  for (const auto& [name, value] : {std::pair<const char*, double>{"layer_um", grid_.layer_um},
-                                    {"width_px", grid_.width_px},
-                                    {"height_px", grid_.height_px},
-                                    {"speed_mm_h", ask_.speed_mm_h}}) {
-    f.facts.emplace_back(name, fmt::format("{:.6g}", value));
-  }
+  f.add_fact("layer_um", grid_.layer_um);
+  f.add_fact("width_px", grid_.width_px);
+  f.add_fact("height_px", grid_.height_px);
+  f.add_fact("speed_mm_h", ask_.speed_mm_h);
   f.columns = {"name", "kind", "dose_factor", "designed_um", "measured_um"};
   f.known = 4;
   f.note =

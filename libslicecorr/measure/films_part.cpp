@@ -208,9 +208,9 @@ void FilmsPart::read_band(const PixelBox& band, const Sink& sink) const {
 MeasuringForm FilmsPart::form() const {
   MeasuringForm f;
   f.part = "films";
-  f.facts.emplace_back("width_px", fmt::format("{}", grid_.width_px));
-  f.facts.emplace_back("height_px", fmt::format("{}", grid_.height_px));
-  f.facts.emplace_back("levels", fmt::format("{}", levels_));
+  f.add_fact("width_px", grid_.width_px);
+  f.add_fact("height_px", grid_.height_px);
+  f.add_fact("levels", levels_);
   f.columns = {"square", "level", "exposure_s", "thickness_um"};
   f.known = 3;
   f.note =

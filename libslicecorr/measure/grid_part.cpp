@@ -88,8 +88,8 @@ void GridPart::read_band(const PixelBox& band, const Sink& sink) const {
 MeasuringForm GridPart::form() const {
   MeasuringForm f;
   f.part = "grid";
-  f.facts.emplace_back("width_px", fmt::format("{}", grid_.width_px));
-  f.facts.emplace_back("height_px", fmt::format("{}", grid_.height_px));
+  f.add_fact("width_px", grid_.width_px);
+  f.add_fact("height_px", grid_.height_px);
   f.columns = {"x_px", "y_px", "x_mm", "y_mm"};
   f.known = 2;
   f.note =

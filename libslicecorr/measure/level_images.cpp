@@ -101,8 +101,8 @@ void LevelImages::read_band(const PixelBox& band, const Sink& sink) const {
 MeasuringForm LevelImages::form() const {
   MeasuringForm f;
   f.part = "levels";
-  f.facts.emplace_back("width_px", fmt::format("{}", grid_.width_px));
-  f.facts.emplace_back("height_px", fmt::format("{}", grid_.height_px));
+  f.add_fact("width_px", grid_.width_px);
+  f.add_fact("height_px", grid_.height_px);
   f.columns = {"level", "mw_cm2"};
   f.known = 1;
   f.note =

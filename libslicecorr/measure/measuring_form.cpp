@@ -4,6 +4,7 @@
 #include "slicecorr/measuring_form.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cstdint>
@@ -55,6 +56,10 @@ std::string hash_of(const MeasuringForm& form) {
 }
 
 }  // namespace
+
+void MeasuringForm::add_fact(const std::string& name, double value) {
+  facts.emplace_back(name, fmt::format("{:.6g}", value));
+}
 
 double MeasuringForm::fact(const std::string& name, double least, double most) const {
   const auto found =
@@ -169,6 +174,17 @@ void expect_form_of(const std::string& path, const std::vector<std::string>& par
   throw InputError(path, "line 1",
                    fmt::format("is the table of a test part '{}', which {} reads",
                                text::printable(form->part), detail::readers_of(form->part)));
+}
+
+MeasuringForm read_form_of(const std::string& path, const std::vector<std::string>& parts) {
+  expect_form_of(path, parts);
+  if (auto form = read_form(path)) return *std::move(form);
+  std::error_code error;
+  if (!std::filesystem::exists(path, error)) throw InputError(path, "", "is not there");
+  throw InputError(path, "line 1",
+                   fmt::format("is not that of a test part; expected a table of slicecorr testpart "
+                               "{}, filled in",
+                               fmt::join(parts, " or ")));
 }
 
 }  // namespace slicecorr

@@ -45,7 +45,7 @@ std::string readers_of(const std::string& part) {
   static const std::map<std::string, std::string> readers = {
       {"comb", "slicecorr tune"},
       {"lift-comb", "slicecorr tune"},
-      {"dose-combs", "slicecorr tune"},
+      {"dose-combs", "slicecorr tune without scans"},
       {"staircase", "slicecorr tune or resinctl fit --model kinetic"},
       {"wedge", "slicecorr tune or resinctl fit --model jacobs"},
       {"dead-zone", "resinctl fit --model deadzone-steady"},

@@ -124,11 +124,9 @@ void SpreadTestPart::read_band(const PixelBox& band, const Sink& sink) const {
 MeasuringForm SpreadTestPart::form() const {
   MeasuringForm f;
   f.part = "spread";
-  for (const auto& [name, value] : {std::pair<const char*, double>{"layer_um", grid_.layer_um},
-                                    {"width_px", grid_.width_px},
-                                    {"height_px", grid_.height_px}}) {
-    f.facts.emplace_back(name, fmt::format("{:.6g}", value));
-  }
+  f.add_fact("layer_um", grid_.layer_um);
+  f.add_fact("width_px", grid_.width_px);
+  f.add_fact("height_px", grid_.height_px);
   f.columns = {"name", "kind", "designed_um", "printed_um", "depth_um"};
   f.known = 3;
   f.note =

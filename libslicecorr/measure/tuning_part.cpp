@@ -383,9 +383,7 @@ MeasuringForm TuningPart::form() const {
   using enum TuningPartKind;
   MeasuringForm f;
   f.part = word_of(kind_);
-  const auto fact = [&](const char* name, double value) {
-    f.facts.emplace_back(name, fmt::format("{:.6g}", value));
-  };
+  const auto fact = [&](const char* name, double value) { f.add_fact(name, value); };
   fact("layer_um", grid_.layer_um);
   fact("width_px", grid_.width_px);
   fact("height_px", grid_.height_px);

@@ -21,10 +21,13 @@
 #include "solid/after_print.hpp"
 #include "solid/level_surface.hpp"
 #include "solid/mesh_file.hpp"
+#include "solid/on_plate.hpp"
 #include "stack/blob_store.hpp"
 
 namespace slicecorr {
 
+using detail::OnPlate;
+using detail::shown_box;
 using detail::Triangle;
 
 namespace {
@@ -48,39 +51,6 @@ struct Axis {
     const int at = (first + i) * reduce + reduce / 2;
     return at + 0.5;
   }
-};
-
-/// From images (mm, x to the right, y up from the lower left corner) to the plate.
-class OnPlate {
- public:
-  explicit OnPlate(const SliceSource& stack) {
-    const Orientation o = stack.frame().orientation.value_or(Orientation{});
-    back_ = turn_from_plate(o).inverse();
-    const Grid& g = stack.grid();
-    height_mm_ = g.height_px * g.pixel_y_um * 1e-3;
-    const Grid plate = turned(g, back_);
-    plate_x_mm_ = plate.width_px * plate.pixel_x_um * 1e-3;
-    plate_y_mm_ = plate.height_px * plate.pixel_y_um * 1e-3;
-  }
-  template <typename Number>
-  void place(Number& x, Number& y) const {
-    if (back_.is_identity()) return;
-    double across = static_cast<double>(x), down = height_mm_ - static_cast<double>(y);
-    if (back_.swap_axes) std::swap(across, down);
-    if (back_.flip_x) across = plate_x_mm_ - across;
-    if (back_.flip_y) down = plate_y_mm_ - down;
-    x = static_cast<Number>(across);
-    y = static_cast<Number>(plate_y_mm_ - down);
-  }
-  void place(Triangle& t) const {
-    for (auto& corner : t) place(corner[0], corner[1]);
-    // A mirror image would show its inside.
-    if (back_.mirrors()) std::swap(t[1], t[2]);
-  }
-
- private:
-  Turn back_;
-  double height_mm_, plate_x_mm_, plate_y_mm_;
 };
 
 /// The surface cut up into blobs of triangles, in the order of the bands.
@@ -400,20 +370,6 @@ bool black_gels(const CureModel& model, const SliceSource& stack) {
          std::any_of(dose.upper.begin(), dose.upper.end(), gels);
 }
 
-/// Lower and upper ends of what a stack shows, in mm of the plate and from the platform.
-std::array<Point3, 2> shown_box(const SliceSource& stack, double height_mm) {
-  const Grid& g = stack.grid();
-  const PixelBox lit = stack.bounds();
-  const OnPlate plate(stack);
-  double x0 = lit.x0 * g.pixel_x_um * 1e-3, x1 = lit.x1 * g.pixel_x_um * 1e-3;
-  double y0 = (g.height_px - lit.y1) * g.pixel_y_um * 1e-3;
-  double y1 = (g.height_px - lit.y0) * g.pixel_y_um * 1e-3;
-  plate.place(x0, y0);
-  plate.place(x1, y1);
-  return {
-      {{std::min(x0, x1), std::min(y0, y1), 0}, {std::max(x0, x1), std::max(y0, y1), height_mm}}};
-}
-
 detail::AfterPrint after_print(const SliceSource& stack, const Resin& resin) {
   const std::array<Point3, 2> box = shown_box(stack, 0);
   return {resin.shrinkage, 0.5 * (box[0][0] + box[1][0]), 0.5 * (box[0][1] + box[1][1])};
@@ -534,84 +490,6 @@ SolidSize size_of_solid(const SliceSource& stack, const PlaceModels& models,
   size.of_areas = std::clamp(128 * (at8 - 2 * at16), 0.0, 64 * at8);
   size.of_walls = 8 * at8 - size.of_areas / 8;
   return size;
-}
-
-namespace {
-
-/// The factor between the sides of two boxes in the order of their lengths; 0 where there is none.
-double scale_if_turned(const Point3& low, const Point3& high, const std::array<Point3, 2>& shown) {
-  Point3 mine, theirs;
-  for (std::size_t k = 0; k < 3; ++k) {
-    mine[k] = high[k] - low[k];
-    theirs[k] = shown[1][k] - shown[0][k];
-  }
-  std::sort(mine.begin(), mine.end());
-  std::sort(theirs.begin(), theirs.end());
-  std::array<double, 3> factor{};
-  for (std::size_t k = 0; k < 3; ++k) {
-    if (!(mine[k] > 0)) return 0;
-    factor[k] = theirs[k] / mine[k];
-  }
-  std::sort(factor.begin(), factor.end());
-  return factor[2] < 1.15 * factor[0] ? factor[1] : 0;
-}
-
-}  // namespace
-
-void check_design_size(const SliceSource& stack, double height_mm, const TriangleMesh& design) {
-  if (design.triangles.empty() || stack.bounds().empty()) return;
-  Point3 low, high;
-  low.fill(std::numeric_limits<double>::infinity());
-  high.fill(-std::numeric_limits<double>::infinity());
-  for (const auto& triangle : design.triangles) {
-    for (const std::uint32_t v : triangle) {
-      for (std::size_t k = 0; k < 3; ++k) {
-        low[k] = std::min(low[k], design.vertices[v][k]);
-        high[k] = std::max(high[k], design.vertices[v][k]);
-      }
-    }
-  }
-  const std::array<Point3, 2> shown = shown_box(stack, height_mm);
-  const Grid& g = stack.grid();
-  const double step_mm[3] = {std::max(g.pixel_x_um, g.pixel_y_um) * 1e-3,
-                             std::max(g.pixel_x_um, g.pixel_y_um) * 1e-3, g.layer_um * 1e-3};
-  bool larger = false, smaller = true, beside = false;
-  double factor[3];
-  for (std::size_t k = 0; k < 3; ++k) {
-    const double mine = high[k] - low[k], theirs = shown[1][k] - shown[0][k];
-    factor[k] = mine > 0 ? theirs / mine : 1;
-    larger = larger || mine > 1.25 * theirs + 4 * step_mm[k];
-    smaller = smaller && theirs > 1.2 * mine + 4 * step_mm[k];
-    const double margin = 0.25 * theirs + 4 * step_mm[k];
-    beside = beside || low[k] < shown[0][k] - margin || high[k] > shown[1][k] + margin;
-  }
-  const auto [least, most] = std::minmax_element(factor, factor + 3);
-  // The middle one: a slice more or less does not count.
-  const double middle = factor[0] + factor[1] + factor[2] - *least - *most;
-  const bool alike = *most < 1.15 * *least;
-  // Supports make no stack so much larger than its part along all axes: the part is turned besides.
-  const bool tiny = *least > 3;
-  if (!larger && !beside && !(smaller && (alike || tiny))) return;
-  const auto size = [](const Point3& from, const Point3& to) {
-    return fmt::format("{:.2f} x {:.2f} x {:.2f} mm", to[0] - from[0], to[1] - from[1],
-                       to[2] - from[2]);
-  };
-  std::string text = fmt::format("the design is {}, but the stack shows {}", size(low, high),
-                                 size(shown[0], shown[1]));
-  if (beside && !larger && !smaller) {
-    text = fmt::format(
-        "the design lies beside what the stack shows: around x = {:.2f}, y = {:.2f} mm of the "
-        "plate, the stack around x = {:.2f}, y = {:.2f} mm",
-        0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1]), 0.5 * (shown[0][0] + shown[1][0]),
-        0.5 * (shown[0][1] + shown[1][1]));
-  } else if (alike) {
-    text += fmt::format(" (a scale of about {:.3g} would fit)", middle);
-  } else if (const double scale = scale_if_turned(low, high, shown); scale > 0) {
-    text += fmt::format(" (turned, and with a scale of about {:.3g}, it would fit)", scale);
-  }
-  throw InputError(text +
-                   "; expected the meshes with the units, scale, turn and place with which they "
-                   "were sliced");
 }
 
 SolidReport write_solid(const SliceSource& stack, const PlaceModels& models,

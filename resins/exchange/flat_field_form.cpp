@@ -59,19 +59,17 @@ std::size_t fill_in(std::vector<double>& heights, int columns) {
 
 GreyImage light_of_plugs(const std::string& path, double height_e_um,
                          std::vector<std::string>& say) {
-  expect_form_of(path, {"flat-field"});
-  const auto form = read_form(path);
-  if (!form) throw InputError(path, "", "is no table of slicecorr testpart flat-field");
-  const int columns = static_cast<int>(form->fact("columns", 1, 100));
-  const double hb = height_e_um > 0 ? height_e_um : form->fact("height_e_um", 1e-3, 1e6);
-  if (form->rows.size() % static_cast<std::size_t>(columns) != 0) {
+  const MeasuringForm form = read_form_of(path, {"flat-field"});
+  const int columns = static_cast<int>(form.fact("columns", 1, 100));
+  const double hb = height_e_um > 0 ? height_e_um : form.fact("height_e_um", 1e-3, 1e6);
+  if (form.rows.size() % static_cast<std::size_t>(columns) != 0) {
     throw InputError(path, "columns",
                      fmt::format("is {}, and there are {} rows; expected whole rows of plugs",
-                                 columns, form->rows.size()));
+                                 columns, form.rows.size()));
   }
   std::vector<double> heights, measured;
-  for (std::size_t i = 0; i < form->rows.size(); ++i) {
-    const auto h = form->number(i, "cured_height_um", 0, 1e9);
+  for (std::size_t i = 0; i < form.rows.size(); ++i) {
+    const auto h = form.number(i, "cured_height_um", 0, 1e9);
     heights.push_back(h ? *h : std::numeric_limits<double>::quiet_NaN());
     if (h) measured.push_back(*h);
   }

@@ -54,31 +54,25 @@ bool is_dose_combs_table(const std::string& path) {
 }
 
 DoseCombsFit fit_dose_combs(const std::string& path) {
-  expect_form_of(path, {"dose-combs"});
-  const auto form = read_form(path);
-  if (!form) {
-    throw InputError(
-        path, "line 1",
-        "is not that of a test part; expected a table of slicecorr testpart dose-combs, filled in");
-  }
-  const double tall_um = 100 * form->fact("layer_um", 1e-3, 1e4);
+  const MeasuringForm form = read_form_of(path, {"dose-combs"});
+  const double tall_um = 100 * form.fact("layer_um", 1e-3, 1e4);
   std::vector<CombEdges> all;
-  for (std::size_t i = 0; i < form->rows.size(); ++i) {
-    const double factor = known_number(*form, i, "dose_factor"),
-                 designed = known_number(*form, i, "designed_um");
-    const std::string kind = form->cell(i, "kind");
+  for (std::size_t i = 0; i < form.rows.size(); ++i) {
+    const double factor = known_number(form, i, "dose_factor"),
+                 designed = known_number(form, i, "designed_um");
+    const std::string kind = form.cell(i, "kind");
     if (kind != "upper" && kind != "lower") {
-      throw InputError(path, fmt::format("line {}, kind", form->lines[i]),
+      throw InputError(path, fmt::format("line {}, kind", form.lines[i]),
                        fmt::format("is '{}'; expected upper or lower", text::printable(kind)));
     }
     if (all.empty() || all.back().dose_factor != factor) all.push_back({factor, 0, 0, 0, {}});
     ++all.back().edges;
-    const auto measured = form->number(i, "measured_um", 0, 1e9);
+    const auto measured = form.number(i, "measured_um", 0, 1e9);
     if (!measured) continue;
     const double growth = kind == "upper" ? designed - *measured : *measured - designed;
     if (std::abs(growth) > tall_um) {
       throw InputError(
-          path, fmt::format("line {}, measured_um", form->lines[i]),
+          path, fmt::format("line {}, measured_um", form.lines[i]),
           fmt::format("is {:g}, and the edge is designed at {:g} um; expected um from the platform",
                       *measured, designed));
     }

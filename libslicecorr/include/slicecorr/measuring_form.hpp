@@ -33,6 +33,8 @@ struct MeasuringForm {
   std::vector<int> lines;                      ///< of the rows in the file, from 1
   std::string note;                            ///< for whoever fills it in; one line
 
+  /// A number to six digits.
+  void add_fact(const std::string& name, double value);
   /// Throws `InputError` where the fact is missing or no number from `least` to `most`.
   double fact(const std::string& name, double least, double most) const;
   /// The cell of a column; empty where the row is short or there is no such column.
@@ -52,5 +54,8 @@ std::optional<MeasuringForm> read_form(const std::string& path);
 /// For readers of tables who know what to do with the forms of some parts: throws `InputError` when
 /// the file is a form of another part, and names the program that reads it. Other tables pass.
 void expect_form_of(const std::string& path, const std::vector<std::string>& parts);
+
+/// The form of one of these parts. Throws `InputError` when the file is anything else, or not there.
+MeasuringForm read_form_of(const std::string& path, const std::vector<std::string>& parts);
 
 }  // namespace slicecorr

@@ -240,12 +240,11 @@ std::string DoseCombs::sheet(const std::string& form_file, const std::string& pr
       page::markup(
           "Print the stack as it is, at <b>{:g} mm/h</b>, continuously: it is corrected already.",
           ask_.speed_mm_h),
-      "Drain and wash with isopropanol for as long as your prints; don't scrape. Let it dry, don't cure it any "
-      "further before you have measured.",
-      "Take the combs off the platform with a blade, one by one so that you know which is which, and lay each on its "
-      "side.",
-      "Measure from the face of the spine that stood on the platform to the beginning and the end of each tooth, in "
-      "the middle of its width. The face is 0.",
+      "Drain and wash with isopropanol for as long as your prints; don't scrape.",
+      "Let it dry, and don't cure it any further before you have measured.",
+      "Take the combs off the platform with a blade, one by one so that you know which is which.",
+      "Lay each on its side. The face of the spine that stood on the platform is 0.",
+      "Measure from there to the beginning and the end of each tooth, in the middle of its width.",
       "Leave empty what has grown together or is not there."};
   std::vector<detail::SheetBox> boxes;
   for (std::size_t k = 0; k < combs_.size(); ++k) {

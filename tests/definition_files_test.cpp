@@ -290,5 +290,44 @@ TEST_F(DefinitionFiles, ShippedOnesParseAndAreFoundByName) {
   EXPECT_GE(resins, 1);
 }
 
+using testing::ElementsAre;
+using testing::IsEmpty;
+
+TEST(UnreadWords, EachIsNamedWithItsLine) {
+  EXPECT_THAT(parse_printer(kPrinter, "p.toml").unread.sentences, IsEmpty());
+  EXPECT_THAT(parse_resin(kResin, "r.toml").unread.sentences, IsEmpty());
+  const std::string slips =
+      "speling = 3\n" + kPrinter +
+      "travl_mm = 3\n[lamps.red]\nmin_share = 0.1\n[lamps.blue]\nmin_shar = 0.1\n";
+  EXPECT_THAT(
+      parse_printer(slips, "p.toml").unread.sentences,
+      ElementsAre(
+          "p.toml:1: speling: unknown key. It counts for nothing",
+          "p.toml:14: stage.travl_mm: unknown key; did you mean 'travel_mm'? It counts for nothing",
+          "p.toml:15: lamps.red: unknown table. It counts for nothing",
+          "p.toml:18: lamps.blue.min_shar: unknown key; did you mean 'min_share'? It counts for nothing"));
+  EXPECT_THAT(
+      parse_resin("m = 2\n" + kResin, "r.toml").unread.sentences,
+      ElementsAre(
+          "r.toml:1: m: stands outside of its table; expected it under [cure] or [inhibition]. It "
+          "counts for nothing"));
+}
+
+TEST(UnreadWords, AreManyOrOfAStranger) {
+  std::string text = kResin;
+  for (int i = 0; i < 25; ++i) text += "\n[x" + std::to_string(i) + "]\n";
+  const auto told = parse_resin(text, "r.toml").unread.sentences;
+  ASSERT_EQ(told.size(), 11U);
+  EXPECT_EQ(told.back(), "r.toml: 15 more that are not known count for nothing, too");
+  // What could move a terminal's cursor does not reach it.
+  const auto harm = parse_resin(kResin + "\"a\\u001b[2J\" = 1\n", "r.toml").unread.sentences;
+  EXPECT_THAT(harm, IsEmpty());  // [provenance] takes any word
+  const auto named = parse_resin("\"a\\u001b[2J\" = 1\n" + kResin, "r.toml").unread.sentences;
+  ASSERT_EQ(named.size(), 1U);
+  EXPECT_EQ(named[0].find('\x1b'), std::string::npos);
+  // It makes no other printer of it.
+  EXPECT_EQ(parse_printer("speling = 3\n" + kPrinter, "p.toml"), parse_printer(kPrinter, "p.toml"));
+}
+
 }  // namespace
 }  // namespace slicecorr

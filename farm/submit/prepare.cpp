@@ -383,7 +383,7 @@ class Preparation {
       try {
         if (fresh) {
           resolve(r, w);
-          tell_light(w.setup);
+          tell_definitions(w.setup);
         }
         w.ready_by_ms = parse_ready_by(r.ready_by, now);
         choose_format(r, input_format_[r.parts[0]], w.spec);
@@ -400,13 +400,16 @@ class Preparation {
     }
   }
 
-  /// That a resin is of another wavelength, or its seconds of another display's light, once for each
-  /// pair of resin and printer.
-  void tell_light(const Setup& setup) {
-    for (const std::string& words :
-         {other_wavelength_in_words(setup.printer, setup.resin,
-                                    setup.process.uv.kind != UvKind::off),
-          other_display_in_words(setup.printer, setup.resin)}) {
+  /// Words of their files that nothing reads, that a resin is of another wavelength, or its seconds of
+  /// another display's light: once for each pair of resin and printer.
+  void tell_definitions(const Setup& setup) {
+    std::vector<std::string> told = setup.printer.unread.sentences;
+    const auto& of_resin = setup.resin.unread.sentences;
+    told.insert(told.end(), of_resin.begin(), of_resin.end());
+    told.push_back(other_wavelength_in_words(setup.printer, setup.resin,
+                                             setup.process.uv.kind != UvKind::off));
+    told.push_back(other_display_in_words(setup.printer, setup.resin));
+    for (const std::string& words : told) {
       if (!words.empty() && told_.insert(words).second) context_.tell(words);
     }
   }

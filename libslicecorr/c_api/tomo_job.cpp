@@ -105,7 +105,7 @@ slicecorr_status slicecorr_tomo_solve(const slicecorr_array* part, const sliceco
         slicecorr::chosen_definitions(choices, slicecorr::ChoiceNames::fields);
     const double voxel_mm = voxel_mm_of(*setup);
     const slicecorr::ExecutionContext context = job_of(handle);
-    for (const std::string& text : slicecorr::light_notices(printer, resin, false)) {
+    for (const std::string& text : slicecorr::definition_notices(printer, resin, false)) {
       context.tell(text);
     }
     const tomo::Box<std::uint8_t> box = placed_array(part, "part", printer, voxel_mm);

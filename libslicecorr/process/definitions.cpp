@@ -320,6 +320,7 @@ Printer printer_of(std::string_view text, const std::string& source, bool needs_
   const TomlTable root(root_table, source);
   Printer printer;
   printer.name = root.text("name", fs::path(source).stem().string());
+  printer.unread = unread_words(text, source, "printer");
   const TomlTable display = root.required_table("display");
   printer.width_px = display.required_integer("width_px", 1, kMostPixelsAcross);
   printer.height_px = display.required_integer("height_px", 1, kMostPixelsAcross);

@@ -293,6 +293,7 @@ Resin parse_resin(std::string_view text, const std::string& source,
   const TomlTable root(root_table, source);
   Resin resin;
   resin.name = root.text("name", fs::path(source).stem().string());
+  resin.unread = unread_words(text, source, "resin");
   const TomlTable cure = root.required_table("cure");
   const std::string model = cure.text("model", "jacobs");
   if (model != "jacobs" && model != "kinetic" && model != "gel-time") {

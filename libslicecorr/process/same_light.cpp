@@ -88,6 +88,13 @@ std::vector<std::string> light_notices(const Printer& printer, const Resin& resi
   return told;
 }
 
+std::vector<std::string> definition_notices(const Printer& printer, const Resin& resin, bool uv) {
+  std::vector<std::string> told = printer.unread.sentences;
+  told.insert(told.end(), resin.unread.sentences.begin(), resin.unread.sentences.end());
+  for (std::string& text : light_notices(printer, resin, uv)) told.push_back(std::move(text));
+  return told;
+}
+
 std::optional<std::string> other_display(const Printer& printer, const Resin& resin) {
   if (!is_relative(resin) || resin.display == printer.name) return std::nullopt;
   return resin.display;

@@ -64,7 +64,7 @@ std::string first_exposure_notice(const Process& p, const StackInfo* times) {
 std::vector<std::string> setup_notices(const Setup& setup, const StackInfo* times,
                                        ChoiceNames names) {
   std::vector<std::string> notices =
-      light_notices(setup.printer, setup.resin, setup.process.uv.kind != UvKind::off);
+      definition_notices(setup.printer, setup.resin, setup.process.uv.kind != UvKind::off);
   if (std::string text = assumption_in_words(setup.printer, setup.resin, setup.process);
       !text.empty()) {
     notices.push_back(std::move(text));

@@ -75,7 +75,7 @@ void check_doses(CheckedFile& definition) {
          {"gel_dose_mj_cm3", "gel_dose_mj_cm2", "critical_dose_mj_cm3", "critical_dose_mj_cm2"}) {
       if (definition.number("cure", key)) {
         definition.add(
-            definition.line_of("cure", key), definition.full("cure", key),
+            definition.line_of("cure", key), full_key("cure", key),
             fmt::format("does not count: with m = {:g} a dose is critical_dose_prime", m), true);
       }
     }
@@ -98,12 +98,12 @@ void check_doses(CheckedFile& definition) {
   const auto gel = gel3 ? gel3 : gel2 ? std::optional(*gel2 / (*base_e * 1e-4)) : std::nullopt;
   if (gel && *gel > aim) {
     definition.add(
-        definition.line_of("cure", aim_key), definition.full("cure", aim_key),
+        definition.line_of("cure", aim_key), full_key("cure", aim_key),
         fmt::format("is {:g} mJ/cm³, below the gel dose of {:g} mJ/cm³: nothing would gel", aim,
                     *gel));
   } else if (gel && factor && std::abs(aim / (*gel * *factor) - 1) > 0.01) {
     definition.add(
-        definition.line_of("cure", aim_key), definition.full("cure", aim_key),
+        definition.line_of("cure", aim_key), full_key("cure", aim_key),
         fmt::format("is {:g} mJ/cm³, but gel dose times dose_factor is {:g}; expected one of them, "
                     "or the same",
                     aim, *gel * *factor));
@@ -250,7 +250,7 @@ void check_flat_field(CheckedFile& definition) {
       const auto given = definition.number("display", key);
       if (given && std::abs(*given - measured) > tolerance) {
         definition.add(
-            definition.line_of("display", key), definition.full("display", key),
+            definition.line_of("display", key), full_key("display", key),
             fmt::format("is {:g}, but {} has {:.4f}", *given, file.filename().string(), measured));
       }
     };
@@ -319,7 +319,7 @@ void check_tomography(CheckedFile& definition) {
   if (cone != rays) {
     const char* key = cone ? "half_angle_deg" : "rays_per_pixel";
     definition.add(
-        definition.line_of("optics", key), definition.full("optics", key),
+        definition.line_of("optics", key), full_key("optics", key),
         cone ? "does not count with one ray per pixel; expected rays_per_pixel, such as 13"
              : "does not count without half_angle_deg: all rays are the same one",
         true);

@@ -28,9 +28,6 @@ struct CheckedFile {
            bool warning = false) {
     found.push_back({path, static_cast<int>(line), key, message, warning});
   }
-  static std::string full(std::string_view table, std::string_view key) {
-    return table.empty() ? std::string(key) : fmt::format("{}.{}", table, key);
-  }
   const toml::table* table(std::string_view name) const { return table_at(root, name); }
   std::optional<double> number(std::string_view in, std::string_view key) const {
     const toml::table* t = table(in);

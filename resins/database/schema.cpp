@@ -7,8 +7,6 @@
 
 #include <algorithm>
 
-#include "database/key_rules.hpp"
-
 namespace slicecorr::resins {
 
 namespace {
@@ -63,13 +61,9 @@ std::string expected_of(const KeyRule& r) {
 
 }  // namespace
 
-std::span<const KeyRule> schema(std::string_view kind) {
-  return kind == "printer" ? printer_rules() : resin_rules();
-}
-
 std::string schema_table(std::string_view kind) {
   std::string out = "| table | key | value | what |\n|---|---|---|---|\n";
-  for (const KeyRule& r : schema(kind)) {
+  for (const KeyRule& r : definition_keys(kind)) {
     out += fmt::format(
         "| {} | {} | {}{} | {} |\n",
         r.table.empty() ? "" : fmt::format("`[{}]`{}", r.table, r.also_at_top ? " or top" : ""),

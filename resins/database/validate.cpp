@@ -44,8 +44,13 @@ class Checker : private CheckedFile {
     root = std::move(*table);
     if (!decide_kind()) return std::move(found);
     check_name();
+    for (const UnknownKey& u : unknown_keys(text, kind)) {
+      const bool nothing_near = u.message == "unknown key" || u.message == "unknown table";
+      add(static_cast<std::size_t>(u.line), u.key,
+          nothing_near ? u.message + "; validate --schema lists those known" : u.message);
+    }
     for (const auto& [key, node] : root) check_root(key, node);
-    for (const KeyRule& rule : schema(kind)) check_required(rule);
+    for (const KeyRule& rule : definition_keys(kind)) check_required(rule);
     if (kind == "resin") {
       check_resin(*this);
     } else {
@@ -96,99 +101,46 @@ class Checker : private CheckedFile {
     }
   }
 
+  /// Values of the keys that are known.
   void check_root(const toml::key& key, const toml::node& node) {
-    std::vector<std::string_view> tables, keys;
-    for (const KeyRule& rule : schema(kind)) {
-      if (rule.also_at_top) keys.push_back(rule.key);
-      auto& list = rule.table.empty() ? keys : tables;
-      const std::string_view word =
-          rule.table.empty() ? rule.key : rule.table.substr(0, rule.table.find('.'));
-      if (std::find(list.begin(), list.end(), word) == list.end()) list.push_back(word);
-    }
     const std::string_view name = key.str();
-    if (holds_tables(name) && node.is_table()) {
-      check_inner_tables(name, *node.as_table());
-      return;
-    }
-    const bool is_table = std::find(tables.begin(), tables.end(), name) != tables.end();
-    const bool is_key = std::find(keys.begin(), keys.end(), name) != keys.end();
-    if (!is_table && !is_key) {
-      const std::string near = nearest(name, node.is_table() ? tables : keys);
-      // A key of some tables that was written before the table's head.
-      std::string elsewhere;
-      for (const KeyRule& rule : schema(kind)) {
-        if (rule.key != name || node.is_table()) continue;
-        elsewhere += fmt::format("{}[{}]", elsewhere.empty() ? "" : " or ", rule.table);
+    const auto rules = definition_keys(kind);
+    const bool holds_tables = std::any_of(rules.begin(), rules.end(), [&](const KeyRule& rule) {
+      return rule.table.starts_with(name) && rule.table.substr(name.size()).starts_with('.');
+    });
+    if (holds_tables && node.is_table()) {
+      for (const auto& [inner, below] : *node.as_table()) {
+        check_table(full_key(name, inner.str()), inner, below);
       }
-      add(key.source().begin.line, std::string(name),
-          elsewhere.empty()
-              ? unknown(node.is_table() ? "table" : "key", near)
-              : fmt::format("stands outside of its table; expected it under {}", elsewhere));
       return;
     }
     // "chemistry" is a word or a table.
-    if (is_key && !(is_table && node.is_table())) {
-      check_value(rule_of("", name), "", name, node);
-    } else if (const toml::table* t = node.as_table()) {
-      check_table(name, *t);
+    const KeyRule* rule = key_rule(kind, "", name);
+    if (rule && !(is_table(name) && node.is_table())) {
+      check_value(rule, "", name, node);
     } else {
-      add(key.source().begin.line, std::string(name), "expected a table");
+      check_table(name, key, node);
     }
   }
 
-  /// Whether the tables of the schema lie in one of this name: "lamps".
-  bool holds_tables(std::string_view name) const {
-    const auto rules = schema(kind);
+  bool is_table(std::string_view name) const {
+    const auto rules = definition_keys(kind);
     return std::any_of(rules.begin(), rules.end(), [&](const KeyRule& rule) {
-      return rule.table.starts_with(name) && rule.table.substr(name.size()).starts_with('.');
+      return !rule.table.empty() &&
+             (rule.table == name || rule.table.substr(0, rule.table.find('.')) == name);
     });
   }
-  void check_inner_tables(std::string_view name, const toml::table& outer) {
-    std::vector<std::string_view> inner;
-    for (const KeyRule& rule : schema(kind)) {
-      if (rule.table.starts_with(name) && rule.table.size() > name.size()) {
-        const std::string_view word = rule.table.substr(name.size() + 1);
-        if (std::find(inner.begin(), inner.end(), word) == inner.end()) inner.push_back(word);
-      }
-    }
-    for (const auto& [key, node] : outer) {
-      const bool known = std::find(inner.begin(), inner.end(), key.str()) != inner.end();
-      if (!known) {
-        add(key.source().begin.line, full(name, key.str()),
-            unknown("table", nearest(key.str(), inner)));
-      } else if (!node.is_table()) {
-        add(key.source().begin.line, full(name, key.str()), "expected a table");
-      } else {
-        check_table(full(name, key.str()), *node.as_table());
-      }
-    }
-  }
 
-  static std::string unknown(const char* what, const std::string& near) {
-    return fmt::format("unknown {}{}", what,
-                       near.empty() ? "; validate --schema lists those known"
-                                    : fmt::format("; did you mean '{}'?", near));
-  }
-
-  const KeyRule* rule_of(std::string_view in, std::string_view key) const {
-    for (const KeyRule& rule : schema(kind)) {
-      const bool here = rule.table == in || (in.empty() && rule.also_at_top);
-      if (here && (rule.key == key || rule.key == "*")) return &rule;
+  void check_table(std::string_view name, const toml::key& key, const toml::node& node) {
+    if (!is_table(name)) return;
+    const toml::table* table = node.as_table();
+    if (!table) {
+      add(key.source().begin.line, std::string(name), "expected a table");
+      return;
     }
-    return nullptr;
-  }
-
-  void check_table(std::string_view name, const toml::table& t) {
-    std::vector<std::string_view> keys;
-    for (const KeyRule& rule : schema(kind)) {
-      if (rule.table == name) keys.push_back(rule.key);
-    }
-    for (const auto& [key, node] : t) {
-      if (const KeyRule* rule = rule_of(name, key.str())) {
-        check_value(rule, name, key.str(), node);
-      } else {
-        add(key.source().begin.line, full(name, key.str()),
-            unknown("key", nearest(key.str(), keys)));
+    for (const auto& [word, value] : *table) {
+      if (const KeyRule* rule = key_rule(kind, name, word.str())) {
+        check_value(rule, name, word.str(), value);
       }
     }
   }
@@ -205,14 +157,14 @@ class Checker : private CheckedFile {
     } else if (!t->get(rule.key)) {
       const std::string near = misspelt(rule.table, rule.key);
       if (near.empty()) {
-        add(t->source().begin.line, full(rule.table, rule.key), "missing; it is required");
+        add(t->source().begin.line, full_key(rule.table, rule.key), "missing; it is required");
       }
     }
   }
   /// A key found unknown for which this one was offered: one complaint is enough.
   std::string misspelt(std::string_view in, std::string_view key) const {
     for (const Finding& f : found) {
-      if (f.key.starts_with(full(in, "")) && f.message.ends_with(fmt::format("'{}'?", key))) {
+      if (f.key.starts_with(full_key(in, "")) && f.message.ends_with(fmt::format("'{}'?", key))) {
         return f.key;
       }
     }
@@ -314,7 +266,7 @@ class Checker : private CheckedFile {
 
   void check_value(const KeyRule* r, std::string_view in, std::string_view name,
                    const toml::node& node) {
-    const std::string key = full(in, name);
+    const std::string key = full_key(in, name);
     const std::size_t line = node.source().begin.line;
     switch (r->type) {
       case KeyType::text:

@@ -141,7 +141,7 @@ class Sharer {
 
   std::vector<std::string_view> tables() const {
     std::vector<std::string_view> names;
-    for (const KeyRule& rule : schema(kind_)) {
+    for (const KeyRule& rule : definition_keys(kind_)) {
       const bool is_new = std::find(names.begin(), names.end(), rule.table) == names.end();
       if (!rule.table.empty() && is_new) names.push_back(rule.table);
     }
@@ -151,7 +151,7 @@ class Sharer {
   void write_root() {
     made_.text = fmt::format("name = {}\n", toml_text(name_));
     check_words("name", name_, true);
-    for (const KeyRule& rule : schema(kind_)) {
+    for (const KeyRule& rule : definition_keys(kind_)) {
       if (!rule.table.empty() && !rule.also_at_top) continue;
       const toml::node* node = root_.get(rule.key);
       // Versions count the changes of one folder; "chemistry" may be a table.
@@ -168,7 +168,7 @@ class Sharer {
       return;
     }
     made_.text += fmt::format("\n[{}]\n", name);
-    for (const KeyRule& rule : schema(kind_)) {
+    for (const KeyRule& rule : definition_keys(kind_)) {
       if (rule.table != name) continue;
       for (const auto& [key, node] : *t) {
         if (rule.key == "*" || rule.key == key.str()) {

@@ -17,6 +17,7 @@
 #include <string_view>
 #include <vector>
 
+#include "slicecorr/definition_keys.hpp"
 #include "slicecorr/distortion.hpp"
 #include "slicecorr/even_light.hpp"
 #include "slicecorr/grid.hpp"
@@ -248,7 +249,8 @@ struct Printer {
   /// Where its pixels land (`[display] distortion`); nothing: on an even grid. It counts where outlines are
   /// made of meshes, and, where there is no `flat_field`, in light.
   std::optional<Distortion> distortion{};
-  FlowWindow window{};  ///< how the vat's window gives way (`[window]`)
+  FlowWindow window{};   ///< how the vat's window gives way (`[window]`)
+  UnreadWords unread{};  ///< words of its file that count for nothing
   int levels() const { return 1 << bit_depth; }
   bool operator==(const Printer&) const = default;
 };
@@ -353,6 +355,7 @@ struct Resin {
   bool areal_critical_dose = false, areal_gel_dose = false;
   Shrinkage
       shrinkage{};  ///< what becomes of its parts' lengths; nothing where its file says nothing
+  UnreadWords unread{};  ///< words of its file that count for nothing
   bool bleaches() const { return bleaching.has_value(); }
   bool operator==(const Resin&) const = default;
 };

@@ -52,6 +52,9 @@ std::string other_display_in_words(const Printer& printer, const Resin& resin);
 /// where the other one is, that light has no absolute unit, and that its unit is of another display; each
 /// a sentence.
 std::vector<std::string> light_notices(const Printer& printer, const Resin& resin, bool uv);
+/// What is to be told of a printer and a resin that were read from files: words that count for nothing
+/// (`UnreadWords`), and `light_notices`.
+std::vector<std::string> definition_notices(const Printer& printer, const Resin& resin, bool uv);
 
 /// The printer with its least and greatest light, by which tuned resins name it: "my-printer, 0.02 to
 /// 29.7 mW/cm2".

@@ -283,7 +283,7 @@ CLI::Option* LightOptions::add_to(CLI::App& app) {
 std::vector<std::string> LightOptions::checked(const Printer& printer, const Resin& resin,
                                                bool uv) const {
   check_chosen_light(printer, resin, uv, *this, ChoiceNames::options);
-  return light_notices(printer, resin, uv);
+  return definition_notices(printer, resin, uv);
 }
 
 std::string dose_words(const Setup& setup) {
@@ -292,6 +292,10 @@ std::string dose_words(const Setup& setup) {
       " (the critical dose is {:g} times the gel dose of resin '{}': its dose factor; --dose-factor "
       "sets another one, 1 aims at the gel dose itself)",
       setup.resin.dose_factor, setup.resin.name);
+}
+
+void tell_unread(const UnreadWords& unread, const ExecutionContext& context) {
+  for (const std::string& text : unread.sentences) context.tell(text);
 }
 
 void tell_notices(const Setup& setup, const StackInfo* times, const ExecutionContext& context) {

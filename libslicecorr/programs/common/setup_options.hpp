@@ -81,6 +81,8 @@ auto with_dose_words(const Setup& setup, const Work& work) {
   }
 }
 
+/// Tells what of a printer's or resin's file counts for nothing.
+void tell_unread(const UnreadWords& unread, const ExecutionContext& context);
 /// Tells what the user should know of a setup; `times` as for `resolve_setup`.
 void tell_notices(const Setup& setup, const StackInfo* times, const ExecutionContext& context);
 

@@ -58,7 +58,7 @@ void take_process(const FlowOptions& o, const StackInfo* info, FlowInput& in,
   const bool uv = in.uv_mw_cm2 || (in.process && in.process->uv.kind != UvKind::off);
   // What a stack has of both was taken when it was made.
   const std::vector<std::string> told = o.printer.empty() && o.resin.empty()
-                                            ? light_notices(in.printer, in.resin, uv)
+                                            ? definition_notices(in.printer, in.resin, uv)
                                             : o.light.checked(in.printer, in.resin, uv);
   for (const std::string& text : told) context.tell(text);
   tell_database_band(o.resin, context);

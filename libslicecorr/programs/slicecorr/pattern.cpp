@@ -12,6 +12,7 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
+#include "programs/common/setup_options.hpp"
 #include "slicecorr/chemistry_cell.hpp"
 #include "slicecorr/chemistry_pattern.hpp"
 #include "slicecorr/chemistry_pictures.hpp"
@@ -151,6 +152,7 @@ void check_outputs(const PatternOptions& o) {
 int pattern_command(const PatternOptions& o, const ExecutionContext& context, Console& console) {
   check_outputs(o);
   const Resin resin = load_resin(o.resin);
+  tell_unread(resin.unread, context);
   refuse_relative(resin, "--intensity-mw-cm2");
   if (!resin.chemistry) {
     throw InputError(o.resin, "chemistry", "missing; expected a resin whose file has [chemistry]");

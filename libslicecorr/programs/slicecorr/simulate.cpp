@@ -14,6 +14,7 @@
 #include <limits>
 
 #include "programs/common/make_part.hpp"
+#include "programs/common/setup_options.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/light_unit.hpp"
 #include "slicecorr/report.hpp"
@@ -212,10 +213,12 @@ int section_of_row(const SimulateOptions& o, const SetupOptions& options,
   return kDone;
 }
 
-int stationary(const SimulateOptions& o, const SetupOptions& options, Console& console) {
+int stationary(const SimulateOptions& o, const SetupOptions& options,
+               const ExecutionContext& context, Console& console) {
   const std::string form = form_of(o.output, {".svg", ".csv"});
   const Resin resin = load_resin(options.resin, resin_overrides(options));
   refuse_relative(resin, "--blue-mw-cm2");
+  tell_unread(resin.unread, context);
   const bool inhibited = options.uv_mw_cm2 > 0 || o.uv_ratio > 0;
   if (inhibited && !resin.inhibition) {
     wrong(fmt::format("{}: resin '{}' has no [inhibition]; expected one that UV light inhibits",
@@ -356,7 +359,7 @@ int simulate(const SimulateOptions& o, const SetupOptions& setup, const Executio
     if (o.uv_ratio > 0 && setup.uv_mw_cm2 > 0) {
       wrong("--uv-ratio and --uv-mw-cm2 are two ways to set the UV light; expected one of them");
     }
-    return stationary(o, setup, console);
+    return stationary(o, setup, context, console);
   }
   if (!o.blue_mw_cm2.empty() || o.uv_ratio > 0 || o.time_s > 0) {
     wrong("--blue-mw-cm2, --uv-ratio and --time-s go with --stationary");

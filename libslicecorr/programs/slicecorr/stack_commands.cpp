@@ -55,8 +55,13 @@ int run_plate(const Arguments& a, const Setup& setup, const ExecutionContext& co
 int slice(const Arguments& given, const ExecutionContext& context, Console& console) {
   Arguments a = given;
   format_of(a.file());
-  if (!a.setup.resin.empty()) a.mesh.shrinkage = load_resin(a.setup.resin).shrinkage;
+  if (!a.setup.resin.empty()) {
+    const Resin resin = load_resin(a.setup.resin);
+    tell_unread(resin.unread, context);
+    a.mesh.shrinkage = resin.shrinkage;
+  }
   const Printer printer = load_display(a.setup.printer);
+  tell_unread(printer.unread, context);
   check_can_be_made(a.file(), !a.layers.empty() || !a.adaptive_um.empty());
   tell_not_read(a, a.file(), context);
   return each_plate(a, printer, context,
@@ -237,6 +242,7 @@ int convert(const Arguments& a, const ExecutionContext& context, Console& consol
   Printer printer;
   if (!a.setup.printer.empty()) {
     printer = load_display(a.setup.printer);
+    tell_unread(printer.unread, context);
     tell_not_read(a, file, context);
   } else if (stack.info().printer) {
     printer = *stack.info().printer;

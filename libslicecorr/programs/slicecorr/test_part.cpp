@@ -146,6 +146,7 @@ int level_images(const TestPartOptions& o, const ExecutionContext& context, Cons
   const StackFile file = file_of(o, context);
   const Beside beside(o);
   const Printer printer = load_display(o.printer);
+  tell_unread(printer.unread, context);
   const LevelImages part(printer, greys_of_file(file, plate_grid(printer)),
                          {.layer_um = o.layer_um, .image_s = shown_s(o)});
   const StackInfo info = write_measured(part, file, printer, o, context);
@@ -158,6 +159,7 @@ int films_part(const TestPartOptions& o, const ExecutionContext& context, Consol
   const StackFile file = file_of(o, context);
   const Beside beside(o);
   const Printer printer = load_display(o.printer);
+  tell_unread(printer.unread, context);
   const FilmsPart part(printer, greys_of_file(file, plate_grid(printer)),
                        {.layer_um = o.layer_um, .image_s = shown_s(o, FilmsPart::Ask().image_s)});
   if (part.greys() == 0) {
@@ -180,6 +182,7 @@ int grid_part(const TestPartOptions& o, const ExecutionContext& context, Console
   const StackFile file = file_of(o, context);
   const Beside beside(o);
   Printer printer = load_display(o.printer);
+  tell_unread(printer.unread, context);
   const bool known = printer.distortion.has_value();
   const GridPart part(printer, o.layer_um, shown_s(o));
   const StackInfo info = write_measured(part, file, printer, o, context);
@@ -202,6 +205,7 @@ int letter_part(const TestPartOptions& o, const ExecutionContext& context, Conso
   check_output(sheet, {o.printer, o.kept, o.output});
   check_output(o.picture, {o.printer, o.kept, o.output, sheet});
   const Printer printer = load_display(o.printer);
+  tell_unread(printer.unread, context);
   const LetterPart part(printer, o.layer_um, shown_s(o));
   const FittedSlices shown = FittedSlices::for_display(part, printer, folder_of(o.output), context);
   const FittedSlices fitted = fit_for_output(part, file, printer, context);
@@ -238,6 +242,7 @@ int tuning_part(TuningPartKind kind, const TestPartOptions& o, const ExecutionCo
                       file.path, file.format, printer.name));
     }
   }
+  if (o.resin.empty()) tell_unread(printer.unread, context);
   std::optional<Resin> resin;
   if (!o.resin.empty()) {
     resin = load_resin(o.resin);
@@ -311,6 +316,7 @@ int test_part(const TestPartOptions& asked, const ExecutionContext& context, Con
   const Beside beside(o);
   check_output(o.picture, {o.printer, o.output});
   const Printer printer = load_display(o.printer);
+  tell_unread(printer.unread, context);
   const SpreadTestPart part(printer, o.layer_um, o.height_um);
   const std::string form = form_text(part.form());
   beside.check(form);

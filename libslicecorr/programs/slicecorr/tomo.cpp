@@ -141,7 +141,8 @@ int verify(const TomoOptions& o, const ExecutionContext& context, Console& conso
   for (const std::string& output : {o.dose, o.json})
     check_output(output, {o.job, o.volume, o.shown});
   const tomo::TomoJob job = tomo::read_job(o.job, context);
-  for (const std::string& text : light_notices(job.printer, job.resin, false)) context.tell(text);
+  for (const std::string& text : definition_notices(job.printer, job.resin, false))
+    context.tell(text);
   const Box<std::uint8_t> part =
       o.volume.empty()
           ? job.part

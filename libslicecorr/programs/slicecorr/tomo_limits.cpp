@@ -5,6 +5,7 @@
 
 #include <fmt/format.h>
 
+#include "programs/common/setup_options.hpp"
 #include "slicecorr/load_printer.hpp"
 #include "slicecorr/process.hpp"
 
@@ -45,9 +46,13 @@ std::string in_words(const tomo::Limits& l) {
   return text;
 }
 
-int limits(const TomoLimitOptions& o, const ExecutionContext&, Console& console) {
+int limits(const TomoLimitOptions& o, const ExecutionContext& context, Console& console) {
   check_output(o.json, {});
-  const tomo::Limits l = tomo::limits_of(load_printer(o.printer), load_resin(o.resin), o.asked);
+  const Printer printer = load_printer(o.printer);
+  const Resin resin = load_resin(o.resin);
+  tell_unread(printer.unread, context);
+  tell_unread(resin.unread, context);
+  const tomo::Limits l = tomo::limits_of(printer, resin, o.asked);
   if (o.json.empty()) {
     print_result(in_words(l));
   } else {

@@ -7,6 +7,7 @@
 
 #include <filesystem>
 
+#include "programs/common/setup_options.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/load_printer.hpp"
 #include "target_page.hpp"
@@ -27,8 +28,9 @@ tomo::TargetKind kind_named(const std::string& name) {
   return tomo::TargetKind::axis;
 }
 
-int target(const TomoTargetOptions& o, const ExecutionContext&, Console& console) {
+int target(const TomoTargetOptions& o, const ExecutionContext& context, Console& console) {
   const Printer printer = load_printer(o.printer);
+  tell_unread(printer.unread, context);
   const tomo::TargetKind kind = kind_named(o.kind);
   const auto pictures = tomo::target_pictures(kind, printer);
   const fs::path folder = o.output.empty() ? fs::path(".") : fs::path(o.output);

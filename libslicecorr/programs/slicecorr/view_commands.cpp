@@ -62,7 +62,7 @@ struct StackAndDesign {
         target(*fitted, a.leave_alone, {}, setup.printer, target_folder, context,
                parts_inside(a.inside, a.mesh)) {
     for (const std::string& text :
-         light_notices(setup.printer, setup.resin, setup.process.uv.kind != UvKind::off)) {
+         definition_notices(setup.printer, setup.resin, setup.process.uv.kind != UvKind::off)) {
       context.tell(text);
     }
     tell_database_band(setup.resin, context);

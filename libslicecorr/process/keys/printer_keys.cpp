@@ -3,17 +3,17 @@
 
 #include <array>
 
-#include "database/key_rules.hpp"
+#include "process/keys/kind_keys.hpp"
 #include "slicecorr/image_size.hpp"
 #include "slicecorr/process.hpp"
 
-namespace slicecorr::resins {
+namespace slicecorr::detail {
 
 namespace {
 
 using enum KeyType;
 
-constexpr std::array kPrinterRules = std::to_array<KeyRule>({
+constexpr std::array kPrinterKeys = std::to_array<KeyRule>({
     {.key = "name", .what = "stable name, that of the file"},
     {.key = "version",
      .type = whole,
@@ -702,6 +702,6 @@ constexpr std::array kPrinterRules = std::to_array<KeyRule>({
 
 }  // namespace
 
-std::span<const KeyRule> printer_rules() { return kPrinterRules; }
+std::span<const KeyRule> printer_keys() { return kPrinterKeys; }
 
-}  // namespace slicecorr::resins
+}  // namespace slicecorr::detail

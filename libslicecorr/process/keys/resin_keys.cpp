@@ -3,16 +3,16 @@
 
 #include <array>
 
-#include "database/key_rules.hpp"
+#include "process/keys/kind_keys.hpp"
 #include "slicecorr/process.hpp"
 
-namespace slicecorr::resins {
+namespace slicecorr::detail {
 
 namespace {
 
 using enum KeyType;
 
-constexpr std::array kResinRules = std::to_array<KeyRule>({
+constexpr std::array kResinKeys = std::to_array<KeyRule>({
     {.key = "name", .what = "stable name, that of the file"},
     {.key = "version",
      .type = whole,
@@ -440,6 +440,6 @@ constexpr std::array kResinRules = std::to_array<KeyRule>({
 
 }  // namespace
 
-std::span<const KeyRule> resin_rules() { return kResinRules; }
+std::span<const KeyRule> resin_keys() { return kResinKeys; }
 
-}  // namespace slicecorr::resins
+}  // namespace slicecorr::detail

@@ -126,7 +126,7 @@ TEST_F(BodiesProgram, ACubeThatFloatsIsToldEverywhere) {
   // Counted, and refused where that is asked for.
   const Command verify{"verify", "f.uvj", "--target", "d.uvj", "--max-loose-bodies"};
   good(verify + Command{"1"});
-  bad(5, verify + Command{"0"}, {"1 bodies never hang on the platform, allowed are 0"});
+  bad(5, verify + Command{"0"}, {"1 body never hangs on the platform, allowed are 0"});
   bad(2, verify + Command{"-1"}, {"--max-loose-bodies"});
   bad(3,
       Command{"run", "floating.stl", "-o", "r.uvj", "--layer-um", "50", "--loose", "refuse"} +

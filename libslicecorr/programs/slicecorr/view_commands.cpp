@@ -219,8 +219,10 @@ int verify(const Arguments& asked, const ExecutionContext& context, Console& con
   limit("surface", p.surface_error_um, a.max_surface_error_um);
   const std::uint64_t loose = p.bodies ? p.bodies->printed.loose_bodies : 0;
   if (a.max_loose_bodies >= 0 && loose > static_cast<std::uint64_t>(a.max_loose_bodies)) {
-    write_stderr(fmt::format("slicecorr: {} bodies never hang on the platform, allowed are {}\n",
-                             loose, a.max_loose_bodies));
+    write_stderr(
+        fmt::format("slicecorr: {} on the platform, allowed are {}\n",
+                    loose == 1 ? "1 body never hangs" : fmt::format("{} bodies never hang", loose),
+                    a.max_loose_bodies));
     missed = true;
   }
   return missed ? kMissed : kDone;

@@ -73,9 +73,9 @@ inline std::string title_of(const std::string& path) {
 namespace commands {
 
 // stack_commands.cpp: what makes stacks, and what a stack says.
-int slice(const Arguments& a, const ExecutionContext& context, Console& console);
+int slice(const Arguments& given, const ExecutionContext& context, Console& console);
 int correct(const Arguments& a, const ExecutionContext& context, Console& console);
-int run(const Arguments& a, const ExecutionContext& context, Console& console);
+int run(const Arguments& given, const ExecutionContext& context, Console& console);
 int convert(const Arguments& a, const ExecutionContext& context, Console& console);
 int info(const Arguments& a, const ExecutionContext& context, Console& console);
 /// What `info` says of a mesh.

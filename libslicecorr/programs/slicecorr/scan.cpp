@@ -65,6 +65,7 @@ int compare(const ScanOptions& o, const ExecutionContext& context, Console& cons
   ask.reach_um = o.reach_um;
   const auto [scan, comparison] = compare_scan(o.scan, surfaces, ask, context);
   std::vector<const TriangleMesh*> meshes;
+  meshes.reserve(surfaces.size());
   for (const ScanSurface& surface : surfaces) meshes.push_back(&surface.mesh);
   if (!o.page.empty()) write_text_file(o.page, scan_page(comparison, scan, meshes));
   if (!o.json.empty()) print_or_write(o.json, comparison.to_json());

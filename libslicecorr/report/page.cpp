@@ -139,16 +139,16 @@ Markup figures_table(const ReportContent& c) {
     joints("Liquid layers over gaps, at most", [](const JointFigures& j) {
       return counted(static_cast<std::uint64_t>(j.liquid_layers_max));
     });
-    joints("Mean height error if lifts exchange resin", [](const JointFigures& j) {
+    joints("Mean error of edges over gaps if lifts exchange resin", [](const JointFigures& j) {
       return number_or_dash(j.exchanged_error_um.count() > 0, j.exchanged_error_um.mean(), " um");
     });
-    joints("Largest height error if lifts exchange resin", [](const JointFigures& j) {
+    joints("Largest error of edges over gaps if lifts exchange resin", [](const JointFigures& j) {
       return number_or_dash(j.exchanged_error_um.count() > 0, j.exchanged_max_um, " um");
     });
-    joints("Mean height error if all resin stays", [](const JointFigures& j) {
+    joints("Mean error of edges over gaps if all resin stays", [](const JointFigures& j) {
       return number_or_dash(j.staying_error_um.count() > 0, j.staying_error_um.mean(), " um");
     });
-    joints("Largest height error if all resin stays", [](const JointFigures& j) {
+    joints("Largest error of edges over gaps if all resin stays", [](const JointFigures& j) {
       return number_or_dash(j.staying_error_um.count() > 0, j.staying_max_um, " um");
     });
   }

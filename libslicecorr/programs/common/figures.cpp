@@ -83,16 +83,16 @@ std::string figures_table(const std::vector<Figures>& columns) {
     joints("films over gaps", [](const JointFigures& j) { return fmt::format("{}", j.films); });
     joints("liquid layers over gaps, at most",
            [](const JointFigures& j) { return fmt::format("{}", j.liquid_layers_max); });
-    joints("height error if lifts exchange resin, mean", [](const JointFigures& j) {
+    joints("edges over gaps if lifts exchange resin, mean", [](const JointFigures& j) {
       return um_or_dash(j.exchanged_error_um, j.exchanged_error_um.mean());
     });
-    joints("height error if lifts exchange resin, largest", [](const JointFigures& j) {
+    joints("edges over gaps if lifts exchange resin, largest", [](const JointFigures& j) {
       return um_or_dash(j.exchanged_error_um, j.exchanged_max_um);
     });
-    joints("height error if all resin stays, mean", [](const JointFigures& j) {
+    joints("edges over gaps if all resin stays, mean", [](const JointFigures& j) {
       return um_or_dash(j.staying_error_um, j.staying_error_um.mean());
     });
-    joints("height error if all resin stays, largest",
+    joints("edges over gaps if all resin stays, largest",
            [](const JointFigures& j) { return um_or_dash(j.staying_error_um, j.staying_max_um); });
   }
   line("column features lost",

@@ -583,9 +583,9 @@ TEST_F(Folder, FailuresLeaveTheOldOne) {
   int left_over = 0;
   for (const auto& e : std::filesystem::directory_iterator(folder_.path())) {
     const auto name = detail::temporary_name(e.path().filename().string());
-    left_over += name.is_one ? 1 : 0;
-    if (name.is_one) {
-      EXPECT_EQ(name.pid, child);
+    left_over += name ? 1 : 0;
+    if (name) {
+      EXPECT_EQ(name->maker.pid, child);
     }
   }
   EXPECT_EQ(left_over, 1);

@@ -16,6 +16,7 @@
 
 #include "run_program.hpp"
 #include "stack_fixture.hpp"
+#include "support/files/temporary.hpp"
 
 namespace slicecorr::test {
 
@@ -25,6 +26,13 @@ inline constexpr const char* kPostPrinter =
     "height_px = 120\npixel_um = 50.0\n[blue]\nwavelength_nm = 405\n"
     "calibration = [[0, 1.0], [255, 100.0]]\n[stage]\ntravel_mm = 100\nmax_speed_mm_h = 2000\n";
 inline const Command kSmall{"--printer", "small.toml", "--resin", "figure-2-2", "--ha-um", "110"};
+
+/// The name of a folder that a correction leaves that is killed.
+inline std::string work_folder_of_the_dead() {
+  detail::Maker maker = detail::this_process();
+  ++maker.started;
+  return std::string(detail::kWorkFolder) + detail::text_of(maker) + "-Ab12cD";
+}
 
 struct Sl1Options {
   int width_px = 160, height_px = 120, layers = 50;

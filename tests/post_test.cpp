@@ -286,12 +286,13 @@ TEST_F(Post, WhatLiesBesideIsOfTheFileAsItIs) {
 }
 
 TEST_F(Post, WorkFoldersAreNamedToNobody) {
-  const auto without = [](const char* text) { return post::WorkFolder::without(text); };
-  EXPECT_EQ(without("/a/.slicecorr-post-Ab12cD/x.ctb: holds /a/.slicecorr-post-Ab12cD/y"),
-            "/a/x.ctb: holds /a/y");
-  EXPECT_EQ(without(".slicecorr-post-Ab12cD/x.ctb"), "x.ctb");
-  for (const char* text : {"", "/a/x.ctb", "/a/.slicecorr-post-", "/a/.slicecorr-post-Ab12c/x",
-                           "/a/.slicecorr-post-Ab12cD", "/a/my.slicecorr-post-Ab12cD/x"}) {
+  const auto without = [](const std::string& text) { return post::WorkFolder::without(text); };
+  const std::string work = work_folder_of_the_dead(), shorter = work.substr(0, work.size() - 1);
+  EXPECT_EQ(without("/a/" + work + "/x.ctb: holds /a/" + work + "/y"), "/a/x.ctb: holds /a/y");
+  EXPECT_EQ(without(work + "/x.ctb"), "x.ctb");
+  for (const std::string& text :
+       {std::string(), std::string("/a/x.ctb"), "/a/" + std::string(detail::kWorkFolder),
+        "/a/" + shorter + "/x", "/a/" + work, "/a/my" + work + "/x"}) {
     EXPECT_EQ(without(text), text);
   }
 }
@@ -541,14 +542,17 @@ TEST(PostFiles, OneRunAtATimeHasAFile) {
 
 TEST(PostFiles, WorkFoldersOfTheDeadGoThoseOfTheLivingStay) {
   const TemporaryFolder folder;
-  fs::create_directory(folder / ".slicecorr-post-dead");
-  write_file(folder / ".slicecorr-post-dead/part.sl1", {1});
-  write_file(folder / ".slicecorr-post-dead/in-work", to_bytes(std::string("part.sl1\0", 9)));
+  const std::string dead = work_folder_of_the_dead();
+  fs::create_directory(folder / dead);
+  write_file(folder / (dead + "/part.sl1"), {1});
+  write_file(folder / (dead + "/in-work"), to_bytes(std::string("part.sl1\0", 9)));
   fs::create_directory(folder / "mine");
-  fs::create_symlink("mine", folder / ".slicecorr-post-link");
+  std::string link = dead;
+  link.back() = 'Y';
+  fs::create_symlink("mine", folder / link);
   const post::WorkFolder alive(folder.path());
   EXPECT_EQ(post::WorkFolder::remove_stale(folder.path()), std::vector<std::string>{"part.sl1"});
-  EXPECT_FALSE(fs::exists(folder / ".slicecorr-post-dead"));
+  EXPECT_FALSE(fs::exists(folder / dead));
   EXPECT_TRUE(fs::exists(alive.path()));
   EXPECT_TRUE(fs::exists(folder / "mine"));
 }

@@ -358,9 +358,10 @@ TEST_F(Watch, EndsWhenItsFoldersAreGone) {
 TEST_F(Watch, NewOnlyLeavesOldFilesButEndsWorkThatWasCutShort) {
   put("in/old.sl1");
   put("in/cut.sl1");
-  fs::create_directory(folder_ / "in/.slicecorr-post-killed");
-  write("in/.slicecorr-post-killed/in-work", std::string("cut.sl1\0", 8));
-  write("in/.slicecorr-post-killed/cut.sl1", "half of it");
+  const std::string killed = "in/" + work_folder_of_the_dead();
+  fs::create_directory(folder_ / killed);
+  write(killed + "/in-work", std::string("cut.sl1\0", 8));
+  write(killed + "/cut.sl1", "half of it");
   Running watch(watching({"--new-only"}), options_);
   ASSERT_TRUE(watch.says("corrected " + (folder_ / "in/cut.sl1")));
   put("in/new.sl1");

@@ -19,6 +19,7 @@
 #include "run_program.hpp"
 #include "slicecorr/pipeline.hpp"
 #include "stack_fixture.hpp"
+#include "support/files/temporary.hpp"
 
 namespace slicecorr::test {
 namespace {
@@ -108,21 +109,73 @@ TEST_F(WholeFiles, AKilledRunLeavesNoPageOfAnotherStack) {
 TEST_F(WholeFiles, WhatKilledProcessesLeftIsRemovedByTheNext) {
   make_sl1(folder_ / "part.sl1");
   sound({"convert", "part.sl1", "-o", "out.uvj"});
-  // One that is no more, one that is; and one for another file.
   const pid_t child = ::fork();
   if (child == 0) ::_exit(0);
   ::waitpid(child, nullptr, 0);
-  const std::string dead = fmt::format(".out.uvj.{}-0.part", child);
-  const std::string living = fmt::format(".out.uvj.{}-0.part", ::getpid());
-  const std::string other = fmt::format(".mine.uvj.{}-0.part", child);
-  for (const std::string& name : {dead, dead + ".a1B2c3", living, other}) write(name, "x");
+  using detail::Maker, detail::text_of;
+  const Maker we = detail::this_process();
+  Maker dead = we, reborn = we, before = we, elsewhere = we;
+  dead.pid = elsewhere.pid = child;
+  ++reborn.started;  // our number had been another's
+  before.boot ^= 1;  // before a power cut
+  ++elsewhere.room;  // in a container of its own, whose processes we do not see
+  const std::string stem = ".out.uvj.", end = "-0.part";
+  const std::vector<std::string> gone{stem + text_of(dead) + end,
+                                      stem + text_of(dead) + end + ".a1B2c3",
+                                      stem + text_of(reborn) + end,
+                                      stem + text_of(before) + end,
+                                      ".mine.uvj." + text_of(dead) + end,
+                                      std::string(detail::kWorkFolder) + text_of(dead) + "-a1B2c3"};
+  const std::vector<std::string> kept{stem + text_of(we) + end, stem + text_of(elsewhere) + end,
+                                      ".hers.part", ".his.12-3.part"};
+  const auto leave = [&] {
+    for (const auto* names : {&gone, &kept}) {
+      for (const std::string& name : *names) {
+        if (name.starts_with(detail::kWorkFolder)) {
+          std::filesystem::create_directory(folder_ / name);
+          write(name + "/out.uvj", "x");
+        } else {
+          write(name, "x");
+        }
+      }
+    }
+  };
+  const auto hidden = [&] {
+    std::vector<std::string> names;
+    for (const auto& e : std::filesystem::directory_iterator(folder_.path())) {
+      const std::string name = e.path().filename().string();
+      if (name.front() == '.') names.push_back(name);
+    }
+    return names;
+  };
+  // Of any program that makes a file there.
+  leave();
   sound({"convert", "part.sl1", "-o", "out.uvj"});
-  EXPECT_THAT(left_over(), testing::UnorderedElementsAre(living, other));
-  write(fmt::format(".page.html.{}-7.part", child), "x");
+  EXPECT_THAT(hidden(), testing::UnorderedElementsAreArray(kept));
+  leave();
+  sound({"info", "part.sl1", "--json", "info.json"});
+  EXPECT_THAT(hidden(), testing::UnorderedElementsAreArray(kept));
+  leave();
   sound({"correct", "out.uvj", "-o", "c.uvj", "--speed-mm-h", "800", "--printer", "small.toml",
          "--resin", "figure-2-2", "--ha-um", "110"});
-  sound({"report", "c.uvj", "--target", "out.uvj", "-o", "page.html"});
-  EXPECT_THAT(left_over(), testing::UnorderedElementsAre(living, other));
+  EXPECT_THAT(hidden(), testing::UnorderedElementsAreArray(kept));
+  leave();
+  const RunResult post = run_program(
+      Command{SLICECORR_BIN_DIR "/slicecorr-post"} + kSmall + Command{"part.sl1"}, options_);
+  EXPECT_EQ(post.exit_code, 0) << post.err;
+  EXPECT_THAT(hidden(), testing::UnorderedElementsAreArray(kept));
+  // What was in work stays known to who watches the folder, for a day.
+  const std::string work = gone.back();
+  leave();
+  write(work + "/in-work", std::string("theirs.sl1\0", 11));
+  sound({"convert", "part.sl1", "-o", "out.uvj"});
+  EXPECT_FALSE(there(work + "/out.uvj"));
+  EXPECT_TRUE(there(work + "/in-work"));
+  std::filesystem::last_write_time(
+      folder_ / (work + "/in-work"),
+      std::filesystem::file_time_type::clock::now() - std::chrono::hours(25));
+  sound({"convert", "part.sl1", "-o", "out.uvj"});
+  EXPECT_THAT(hidden(), testing::UnorderedElementsAreArray(kept));
 }
 
 TEST_F(WholeFiles, AFolderOfSlicesIsOursToReplaceAndKeepsItsSizes) {

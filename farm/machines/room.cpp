@@ -267,8 +267,7 @@ void MachineRoom::Parts::keep_picture(const std::string& sent) const {
     file.write(reinterpret_cast<const char*>(png.data()), static_cast<std::streamsize>(png.size()));
     file.close();
     if (!file) throw DeviceError(picture_path + ": can't be written");
-    fs::rename(part.path, picture_path);
-    part.keep = true;
+    slicecorr::detail::put_in_place(part, picture_path);
   } catch (const std::exception&) {
     std::error_code error;
     fs::remove(picture_path, error);

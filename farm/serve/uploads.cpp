@@ -32,6 +32,16 @@ bool is_token(const std::string& text) {
   return text.size() == 32 && text.find_first_not_of("0123456789abcdef") == std::string::npos;
 }
 
+/// Whether an upload lies there that a server had begun which is no more.
+bool was_cut_short(const fs::path& upload) {
+  std::error_code error;
+  for (const auto& file : fs::directory_iterator(upload, error)) {
+    const auto name = slicecorr::detail::temporary_name(file.path().filename().string());
+    if (name && slicecorr::detail::is_gone(name->maker, upload.string())) return true;
+  }
+  return false;
+}
+
 }  // namespace
 
 bool is_file_name(const std::string& name) {
@@ -59,12 +69,14 @@ Upload::Upload(const FarmFolder& folder, const std::string& name) {
   folder_ = folder.root + "/uploads/" + token;
   text_ = "upload:" + token + "/" + name;
   path_ = folder_ + "/" + name;
-  part_ = folder_ + "/.part";
   std::error_code error;
   fs::create_directories(folder_, error);
   if (error) throw DeviceError(folder_ + ": can't be made: " + error.message());
-  file_ = ::open(part_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
-  if (file_ < 0) throw DeviceError(errno_message(part_, "can't be made"));
+  part_ = slicecorr::detail::make_temporary(path_);
+  file_ = ::open(part_.c_str(), O_WRONLY | O_CLOEXEC);
+  if (file_ < 0 || ::fchmod(file_, 0600) != 0) {
+    throw DeviceError(errno_message(path_, "can't be made"));
+  }
 }
 
 Upload::~Upload() {
@@ -103,7 +115,8 @@ std::int64_t clean_uploads(const FarmFolder& folder, double kept_s) {
     if (!is_token(entry.path().filename().string())) continue;
     const auto changed = fs::last_write_time(entry.path(), error);
     if (error) continue;
-    if (std::chrono::duration<double>(now - changed).count() > kept_s) {
+    if (std::chrono::duration<double>(now - changed).count() > kept_s ||
+        was_cut_short(entry.path())) {
       fs::remove_all(entry.path(), error);
       continue;
     }

@@ -38,7 +38,8 @@ class Upload {
   std::int64_t bytes_ = 0;
 };
 
-/// Removes parts that were uploaded before a time, and gives the size of the others.
+/// Removes parts that were uploaded before a time, and what a server that is no more had begun; gives the size of the
+/// others.
 std::int64_t clean_uploads(const FarmFolder& folder, double kept_s);
 
 }  // namespace slicecorr::farm::detail

@@ -172,10 +172,8 @@ StoredInput store_input(const FarmFolder& folder, const std::string& path) {
     throw InputError(path, "", "is a folder; expected a file (zip the images)");
   }
   const Descriptor in{open_to_read(path)};
-  const std::string part = folder.store + "/inputs/." +
-                           fs::path(path).stem().string().substr(0, 40) + "." +
-                           std::to_string(::getpid()) + ".part";
-  const std::string temporary = slicecorr::detail::make_temporary(part);
+  const std::string temporary = slicecorr::detail::make_temporary(
+      folder.store + "/inputs/" + fs::path(path).stem().string().substr(0, 40));
   slicecorr::detail::Temporary remover{temporary};
   StoredInput stored;
   {

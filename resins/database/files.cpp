@@ -16,6 +16,7 @@
 
 #include "slicecorr/error.hpp"
 #include "support/files/errno_message.hpp"
+#include "support/files/temporary.hpp"
 
 namespace slicecorr::resins {
 
@@ -72,27 +73,18 @@ FolderLock::FolderLock(const std::string& folder) {
     if (error == EINTR) throw Cancelled();
     throw DeviceError(errno_message(path, "can't be locked", error));
   }
+  detail::remove_left_over(folder);
 }
 
 FolderLock::~FolderLock() { ::close(fd_); }
 
 void write_durably(const std::string& path, const std::string& bytes) {
-  const fs::path target(path);
-  const std::string part =
-      (target.parent_path() / fmt::format(".{}.part", target.filename().string())).string();
-  try {
-    const Descriptor d(part, O_WRONLY | O_CREAT | O_TRUNC);
+  detail::Temporary part{detail::make_temporary(path)};
+  {
+    const Descriptor d(part.path, O_WRONLY);
     write_all(d.fd(), bytes, path);
-  } catch (...) {
-    ::unlink(part.c_str());
-    throw;
   }
-  if (std::rename(part.c_str(), path.c_str()) != 0) {
-    const std::string message = errno_message(path, "can't be replaced");
-    ::unlink(part.c_str());
-    throw DeviceError(message);
-  }
-  flush_folder(target.parent_path().string());
+  detail::put_in_place(part, path);
 }
 
 void append_line_durably(const std::string& path, const std::string& line) {

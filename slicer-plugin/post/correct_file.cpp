@@ -154,7 +154,7 @@ void keep_backup(const std::string& real, const std::string& backup, const std::
 
 /// Also for the program that is killed: what was in work is found again.
 void note_work(const WorkFolder& work, const std::string& real) {
-  std::ofstream(work.path() + "/in-work", std::ios::binary)
+  std::ofstream(fs::path(work.path()) / detail::kInWork, std::ios::binary)
       << fs::path(real).filename().string() << '\0';
 }
 
@@ -239,7 +239,7 @@ PostOutcome correct_file(const std::string& path, const PostRequest& request,
   return naming(path, [&] {
     const Lock lock = lock_of(real);
     const auto seen = identity_of(real);
-    WorkFolder::remove_stale(folder);
+    WorkFolder::remove_stale(folder, detail::path_parts(real).file);
     const std::string source = source_of(real, request, context);
     const Decision decision = decide(source, name_for_user(real, request), request);
     PostOutcome outcome;

@@ -27,9 +27,7 @@ using detail::errno_message;
 
 namespace {
 
-constexpr std::string_view kPrefix = ".slicecorr-post-";
-/// What follows it, as of mkdtemp.
-constexpr std::string_view kAnyName = "XXXXXX";
+using detail::kWorkFolder;
 
 [[noreturn]] void fail(const std::string& path, const std::string& what) {
   throw DeviceError(errno_message(path, what));
@@ -70,17 +68,10 @@ Lock::~Lock() {
 }
 
 WorkFolder::WorkFolder(const std::string& folder) {
-  // Another run may take the new folder for a stale one before it is locked.
-  for (int attempt = 0; attempt < 100; ++attempt) {
-    std::string name = fmt::format("{}/{}{}", folder, kPrefix, kAnyName);
-    if (::mkdtemp(name.data()) == nullptr) fail(folder, "nothing can be written in this folder");
-    lock_ = Lock::try_take(name);
-    if (lock_) {
-      path_ = name;
-      return;
-    }
-  }
-  throw DeviceError(folder + ": no folder could be made in it");
+  std::string name =
+      fmt::format("{}/{}{}-XXXXXX", folder, kWorkFolder, detail::text_of(detail::this_process()));
+  if (::mkdtemp(name.data()) == nullptr) fail(folder, "nothing can be written in this folder");
+  path_ = name;
 }
 
 WorkFolder::~WorkFolder() {
@@ -88,46 +79,41 @@ WorkFolder::~WorkFolder() {
   fs::remove_all(path_, ec);
 }
 
-bool WorkFolder::is_one(const std::string& name) { return name.rfind(kPrefix, 0) == 0; }
+bool WorkFolder::is_one(const std::string& name) {
+  const auto known = detail::temporary_name(name);
+  return known && known->file.empty();
+}
 
 bool WorkFolder::is_named_in(const std::string& message) {
   const std::string path = message.substr(0, message.find(": "));
-  return path.find(fmt::format("/{}", kPrefix)) != std::string::npos;
+  return path.find(fmt::format("/{}", kWorkFolder)) != std::string::npos;
 }
 
 std::string WorkFolder::without(std::string text) {
-  const std::size_t length = kPrefix.size() + kAnyName.size();
-  for (std::size_t at = 0; (at = text.find(kPrefix, at)) != std::string::npos;) {
-    const bool whole =
-        (at == 0 || text[at - 1] == '/') && at + length < text.size() && text[at + length] == '/';
+  for (std::size_t at = 0; (at = text.find(kWorkFolder, at)) != std::string::npos;) {
+    const std::size_t end = text.find('/', at);
+    const bool whole = (at == 0 || text[at - 1] == '/') && end != std::string::npos &&
+                       is_one(text.substr(at, end - at));
     if (whole) {
-      text.erase(at, length + 1);
+      text.erase(at, end + 1 - at);
     } else {
-      at += kPrefix.size();
+      at += kWorkFolder.size();
     }
   }
   return text;
 }
 
-std::vector<std::string> WorkFolder::remove_stale(const std::string& folder) {
+std::vector<std::string> WorkFolder::remove_stale(const std::string& folder,
+                                                  const std::string& only) {
   std::vector<std::string> in_work;
-  std::error_code ec;
-  for (const auto& entry : fs::directory_iterator(folder, ec)) {
-    std::error_code no_folder;
-    if (!is_one(entry.path().filename().string()) || entry.is_symlink(no_folder) ||
-        !entry.is_directory(no_folder)) {
-      continue;
-    }
-    try {
-      const auto lock = Lock::try_take(entry.path().string());
-      if (!lock) continue;
-      std::ifstream note(entry.path() / "in-work");
-      if (std::string name; std::getline(note, name, '\0')) in_work.push_back(name);
-      fs::remove_all(entry.path(), no_folder);
-    } catch (const Error&) {
-      continue;  // someone else's
-    }
-  }
+  detail::remove_left_over(folder, [&](const std::string& path) {
+    std::ifstream note(fs::path(path) / detail::kInWork);
+    std::string name;
+    if (!std::getline(note, name, '\0')) return true;
+    if (!only.empty() && name != only) return false;
+    in_work.push_back(name);
+    return true;
+  });
   return in_work;
 }
 

@@ -46,7 +46,7 @@ class Lock {
 };
 
 /// A hidden folder beside a file for what is made on the way; gone with all that is in it when this
-/// ends. One that a killed run left behind is known by its lock being free.
+/// ends. Its name says whose it is, so that the next run of any program removes what a killed one left.
 class WorkFolder {
  public:
   explicit WorkFolder(const std::string& folder);
@@ -60,12 +60,13 @@ class WorkFolder {
   static bool is_named_in(const std::string& message);
   /// The text with files in such folders named as if they lay beside them.
   static std::string without(std::string text);
-  /// Removes those of killed runs in `folder`; gives the names of the files that were in work.
-  static std::vector<std::string> remove_stale(const std::string& folder);
+  /// Removes those of killed runs in `folder`; gives the names of the files that were in work. With `only` those that
+  /// had that file; of the others it stays who had which.
+  static std::vector<std::string> remove_stale(const std::string& folder,
+                                               const std::string& only = "");
 
  private:
   std::string path_;
-  std::optional<Lock> lock_;
 };
 
 /// A copy of `from` under the name `to`, whole from the moment that it is there: a hard link where

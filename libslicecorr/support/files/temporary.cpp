@@ -4,12 +4,12 @@
 #include "support/files/temporary.hpp"
 
 #include <fcntl.h>
-#include <signal.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
 #include <atomic>
 #include <cerrno>
+#include <chrono>
 #include <cstdint>
 #include <cstdlib>
 #include <filesystem>
@@ -21,9 +21,9 @@
 namespace slicecorr::detail {
 namespace {
 
-constexpr const char* kEnding = ".part";
+constexpr std::string_view kEnding = ".part";
 /// Of the file's name: the zip library adds to it, and names have at most 255 bytes.
-constexpr std::size_t kMostNameBytes = 200;
+constexpr std::size_t kMostNameBytes = 180;
 
 void sync(const std::string& path, int flags) {
   const int file = ::open(path.c_str(), flags | O_CLOEXEC);
@@ -62,16 +62,19 @@ void copy_file(const std::string& from, const std::string& to) {
   }
 }
 
-void remove_left_over(const PathParts& place) {
-  const std::string file = place.file.substr(0, kMostNameBytes);
+/// Whether a folder has a note of less than a day.
+bool tells_of_work(const std::filesystem::path& folder) {
+  std::error_code none;
+  const auto written = std::filesystem::last_write_time(folder / kInWork, none);
+  return !none && std::filesystem::file_time_type::clock::now() - written < std::chrono::hours(24);
+}
+
+void remove_all_but_note(const std::filesystem::path& folder) {
   std::error_code error;
-  for (std::filesystem::directory_iterator at(place.folder, error), end; !error && at != end;
+  for (std::filesystem::directory_iterator at(folder, error), end; !error && at != end;
        at.increment(error)) {
-    const TemporaryName name = temporary_name(at->path().filename().string());
-    if (!name.is_one || name.file != file) continue;
-    if (::kill(static_cast<pid_t>(name.pid), 0) == 0 || errno != ESRCH) continue;
     std::error_code ignored;
-    std::filesystem::remove_all(at->path(), ignored);
+    if (at->path().filename() != kInWork) std::filesystem::remove_all(at->path(), ignored);
   }
 }
 
@@ -86,10 +89,11 @@ PathParts path_parts(const std::string& path) {
 std::string make_temporary(const std::string& path, bool make_folder) {
   static std::atomic<unsigned> counter{0};
   const PathParts place = path_parts(path);
-  remove_left_over(place);
+  remove_left_over(place.folder);
+  const std::string maker = text_of(this_process());
   for (int attempt = 0; attempt < 1000; ++attempt) {
-    std::string name = place.folder + "/." + place.file.substr(0, kMostNameBytes) + "." +
-                       std::to_string(::getpid()) + "-" + std::to_string(counter++) + kEnding;
+    std::string name = place.folder + "/." + place.file.substr(0, kMostNameBytes) + "." + maker +
+                       "-" + std::to_string(counter++) + std::string(kEnding);
     if (make_folder) {
       if (::mkdir(name.c_str(), 0777) == 0) return name;
     } else {
@@ -127,23 +131,50 @@ void check_new_file(const std::string& path) {
   const Temporary trial{make_temporary(path)};
 }
 
-TemporaryName temporary_name(const std::string& file) {
-  std::string name = file;
-  // The zip library adds a point and six characters.
+std::optional<TemporaryName> temporary_name(const std::string& file) {
+  constexpr std::size_t kAny = 6;
+  std::string_view name = file;
+  if (name.starts_with(kWorkFolder)) {
+    name.remove_prefix(kWorkFolder.size());
+    if (name.size() <= kAny + 1 || name[name.size() - kAny - 1] != '-') return std::nullopt;
+    const auto maker = maker_of(name.substr(0, name.size() - kAny - 1));
+    if (!maker) return std::nullopt;
+    return TemporaryName{*maker, ""};
+  }
   const std::size_t at = name.rfind(kEnding);
-  if (at == std::string::npos || name.empty() || name.front() != '.') return {};
-  const std::size_t rest = name.size() - at - std::string(kEnding).size();
-  if (rest != 0 && !(rest == 7 && name[name.size() - 7] == '.')) return {};
-  name.resize(at);
-  const std::size_t point = name.rfind('.');
-  if (point == std::string::npos || point == 0) return {};
-  const std::string numbers = name.substr(point + 1);
-  char* end = nullptr;
-  const long pid = std::strtol(numbers.c_str(), &end, 10);
-  if (end == numbers.c_str() || *end != '-' || pid <= 0) return {};
-  const std::string count = end + 1;
-  if (count.empty() || count.find_first_not_of("0123456789") != std::string::npos) return {};
-  return {true, pid, name.substr(1, point - 1)};
+  if (at == std::string_view::npos || name.front() != '.') return std::nullopt;
+  // The zip library adds a point and six characters.
+  const std::string_view rest = name.substr(at + kEnding.size());
+  if (!rest.empty() && !(rest.size() == kAny + 1 && rest.front() == '.')) return std::nullopt;
+  name = name.substr(0, at);
+  const std::size_t point = name.rfind('.'), count = name.rfind('-');
+  if (point == 0 || count == std::string_view::npos || count < point || count + 1 == name.size() ||
+      name.find_first_not_of("0123456789", count + 1) != std::string_view::npos) {
+    return std::nullopt;
+  }
+  const auto maker = maker_of(name.substr(point + 1, count - point - 1));
+  if (!maker) return std::nullopt;
+  return TemporaryName{*maker, std::string(name.substr(1, point - 1))};
+}
+
+void remove_left_over(const std::string& folder,
+                      const std::function<bool(const std::string& path)>& known) {
+  std::error_code error;
+  for (std::filesystem::directory_iterator at(folder, error), end; !error && at != end;
+       at.increment(error)) {
+    const auto name = temporary_name(at->path().filename().string());
+    if (!name || !is_gone(name->maker, folder)) continue;
+    struct stat status;
+    const bool ours = ::lstat(at->path().c_str(), &status) == 0 && !S_ISLNK(status.st_mode) &&
+                      status.st_uid == ::geteuid();
+    if (!ours) continue;
+    std::error_code ignored;
+    if (tells_of_work(at->path()) && !(known && known(at->path().string()))) {
+      remove_all_but_note(at->path());
+    } else {
+      std::filesystem::remove_all(at->path(), ignored);
+    }
+  }
 }
 
 void sync_file(const std::string& path) { sync(path, O_WRONLY); }

@@ -8,8 +8,11 @@
 #include <filesystem>
 
 #include "archive_texts.hpp"
+#include "job_entries.hpp"
 #include "newer_print_file_fixture.hpp"
+#include "slicecorr/tomo/npy.hpp"
 #include "stack/png/png.hpp"
+#include "stack/recording_entry.hpp"
 
 namespace {
 
@@ -170,6 +173,70 @@ void write_pngs(const fs::path& folder) {
   }
 }
 
+/// One text for each number that a fuzzer takes from the first byte.
+void write_numbered(const fs::path& folder, const std::vector<std::string>& texts) {
+  for (std::size_t i = 0; i < texts.size(); ++i) {
+    Bytes bytes{static_cast<std::uint8_t>(i)};
+    bytes.insert(bytes.end(), texts[i].begin(), texts[i].end());
+    write(folder / std::to_string(i), bytes);
+  }
+}
+
+void write_jobs(const fs::path& folder) {
+  for (const auto& [kind, entries] :
+       {std::pair{"frames", fuzz::frames_entries()}, std::pair{"beams", fuzz::beams_entries()}}) {
+    std::vector<std::string> texts;
+    for (const auto& e : entries) texts.push_back(test::to_text(e.second));
+    write_numbered(folder / kind, texts);
+  }
+  tomo::write_npy((folder / "npy/part").string(), tomo::Box<std::uint8_t>{2, 2, 2, Bytes(8, 255)});
+  tomo::write_npy((folder / "npy/dose").string(),
+                  tomo::Box<float>{1, 2, 2, std::vector<float>(4, 0.5F)});
+  Recording recording;
+  for (int n = 0; n < 2; ++n) {
+    const Recording::Showing showing{n, 1.0, 2.0, 0, 0, 0, 1.0};
+    recording.add_slice({&showing, 1});
+  }
+  write_numbered(folder / "recording", {"", detail::recording_csv(recording)});
+  const std::string toml =
+      "[defaults]\nprinter = \"p\"\nresin = \"r\"\nlayer_um = 50\n[[job]]\npart = \"a.stl\"\ncopies = 3\n"
+      "ready_by = \"07:00\"\n[[job]]\nparts = [\"b.stl*2\", \"c.stl\"]\nlabels = [\"x\"]\nplan = true\n";
+  const std::string json =
+      R"({"defaults": {"printer": "p", "resin": "r", "layer_um": 50}, "jobs": [{"part": "a.stl", "speed_mm_h": 800, "rotate_deg": [0, 90, 0]}]})";
+  write_numbered(
+      folder / "jobs",
+      {toml, "part,layer_um,speed_mm_h,copies\na.stl,50,800,2\n\"b,c.stl\",,900,\n", json});
+  write_numbered(folder / "rest", {json, R"({"why": "x"})", "{}", R"({"priority": 3})",
+                                   R"({"bridge": "x", "plate_is_empty": true})"});
+}
+
+/// What comes over the wires of a machine, and what a print leaves on the disk.
+void write_bridge(const fs::path& folder) {
+  const auto bytes = [](const std::string& text) { return to_bytes(text); };
+  // A right answer to function code 23 with 13 registers, an exception, and a request to read.
+  const std::string head("\0\1\0\0\0", 5);
+  write(folder / "modbus-answer/registers", bytes(head + "\x1d\1\x17\x1a" + std::string(26, '\1')));
+  write(folder / "modbus-answer/exception", bytes(head + std::string("\3\1\x97\4", 4)));
+  write(folder / "modbus-request/read", bytes(head + std::string("\6\1\3\0\x64\0\x0d", 7)));
+  write(folder / "modbus-request/write",
+        bytes(head + std::string("\x0b\1\x10\0\0\0\2\4\0\1\0\2", 12)));
+  test::FileMaker tick;
+  tick.u32(0x57464353).u16(1).u16(3).zeros(40);
+  write(folder / "wire/tick", tick.bytes);
+  for (const char* word : {"status", "pause", "resume", "stop"}) {
+    write(folder / "control" / word, bytes(word));
+  }
+  write_numbered(
+      folder / "state",
+      {"{\"time\":\"2026-01-02T03:04:05.678Z\",\"at_s\":1,\"what\":\"print begins\",\"detail\":\"a.uvj\",\"frame\":-"
+       "1,\"stage_um\":0,\"facts\":{\"start_um\":1}}\n",
+       "frame,planned_z_um,z_um\n0,1,2\n1,50,51\n", "{\"running\":true,\"phase\":\"printing\"}",
+       "{\"fault\":\"heartbeat_lost\",\"detail\":\"x\",\"frame\":3,\"stage_um\":5}",
+       "{\"version\":1,\"file\":\"a.sl1\",\"print_state\":\"begun\",\"sent_jobs\":[1,2]}"});
+  write(folder / "sqlite/header", Bytes{18, 0, 0, 0, 9});
+  write(folder / "sqlite/page", Bytes{0, 16, 0, 0, 255, 101, 0, 0, 0, 1});
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -179,6 +246,9 @@ int main(int argc, char** argv) {
     write(folder / file.format / file.name, file.bytes);
   }
   write_meshes(folder);
+  fs::create_directories(folder / "npy");
+  write_jobs(folder);
+  write_bridge(folder);
   write_pngs(folder / "png");
   std::size_t number = 0;
   for (const fuzz::ArchiveText& text : fuzz::archive_texts()) {

@@ -15,75 +15,19 @@ import argparse
 import http.client
 import json
 import os
-import random
 import shutil
 import signal
 import sqlite3
 import subprocess
 import sys
-import tempfile
 import threading
 import time
+import zipfile
 
 import kills_parts
 from docs_machine_faults import box_stl
-from kills_parts import LIGHT, SPEED, Programs, hidden, sha256
-
-
-class Kind:
-    """One program that is killed again and again. What does not hold is told once each time."""
-
-    def __init__(self, bin_folder, seed):
-        self.folder = tempfile.mkdtemp(prefix="kills-")
-        self.programs = Programs(bin_folder, self.folder)
-        self.rng = random.Random(f"{type(self).__name__} {seed}")
-        self.whole_s, self.kills, self.runs = 0.3, 0, 0
-        self.wrong = {"lost": [], "half": [], "left": [], "stuck": []}
-        self.prepare()
-
-    def path(self, name):
-        return os.path.join(self.folder, name)
-
-    def tell(self, what, text):
-        self.wrong[what].append(text)
-        print(f"kills: {type(self).__name__.lower()} {self.kills}: {what}: {text}", file=sys.stderr, flush=True)
-
-    def moment(self):
-        """Half of them in the last third, where files change their places."""
-        begin = 0 if self.rng.random() < 0.5 else 0.66
-        return self.whole_s * (begin + (1.03 - begin) * self.rng.random())
-
-    def killed(self, words, group=False, **how):
-        """Whether it was killed before it ended by itself."""
-        process = self.programs.start(*words, **how)
-        time.sleep(self.moment())
-        hit = process.poll() is None
-        if group:
-            os.killpg(process.pid, signal.SIGKILL)
-        else:
-            process.kill()
-        hit = process.wait() == -signal.SIGKILL and hit
-        self.runs += 1
-        self.kills += hit
-        # So that one in ten ends before it is killed, however busy the machine is.
-        self.whole_s *= 1.005 if hit else 0.955
-        return hit
-
-    def timed(self, *words):
-        begin = time.monotonic()
-        self.programs.sound(*words)
-        self.whole_s = time.monotonic() - begin
-
-    def left(self, folder=".", beside="no"):
-        # Earlier versions of resins are kept.
-        found = [n for n in hidden(self.path(folder)) if not (n == ".history" or n.startswith(beside))]
-        if found:
-            self.tell("left", ", ".join(found))
-            for name in found:
-                shutil.rmtree(os.path.join(self.path(folder), name), ignore_errors=True)
-
-    def end(self):
-        shutil.rmtree(self.folder, ignore_errors=True)
+from kills_kind import Kind
+from kills_parts import LIGHT, SPEED, hidden, sha256
 
 
 class Run(Kind):
@@ -383,7 +327,8 @@ class Bridge(Kind):
             self.sim.wait()
         self.events = self.path("events.jsonl")
         self.sim = self.programs.start("printer-sim", "--printer", self.printer, "--listen", "127.0.0.1:0", "--frames",
-                                       "tcp:127.0.0.1:0", "--record-events", self.events, "--quiet", stdout=subprocess.PIPE)
+                                       "tcp:127.0.0.1:0", "--record-events", self.events, "--quiet", stdout=subprocess.PIPE,
+                                       stderr=open(self.path("sim.err"), "w"))
         self.where = json.loads(self.sim.stdout.readline())
 
     def command(self):
@@ -415,6 +360,10 @@ class Bridge(Kind):
 
     def one(self):
         hit = self.killed(self.command())
+        if self.sim.poll() is not None:
+            with open(self.path("sim.err")) as said:
+                self.tell("lost", f"the machine ended with {self.sim.returncode}: {said.read()[-300:]}")
+            self.begin_sim()
         until = time.monotonic() + 5
         while self.lit() and time.monotonic() < until:
             time.sleep(0.02)
@@ -482,7 +431,6 @@ class Send(Kind):
         kills_parts.sl1(self.path("part.sl1"), 40)
         with open(self.path("noise.bin"), "wb") as file:
             file.write(os.urandom(3 << 20))
-        import zipfile
         with zipfile.ZipFile(self.path("part.sl1"), "a") as out:
             out.write(self.path("noise.bin"), "notes.bin")
         self.want = sha256(self.path("part.sl1"))

@@ -1,0 +1,307 @@
+#!/usr/bin/python3
+# SPDX-FileCopyrightText: 2026 The slicecorr authors
+# SPDX-License-Identifier: Apache-2.0
+"""Wall clocks that jump (libfaketime) and programs that are stopped for a while (SIGSTOP).
+
+    clocks.py --bin build/bin [--stop-s S] [--jumps N] [--json FILE] [CASE...]
+
+Jumps are by a minute, an hour, and a day, to and fro, several a second, of the program alone: the machine that it drives
+and who watches it have the true time. The steady clock does not jump, as with a real one. A line of JSON per case on stdout;
+exit code 0: all held; 77: there is no libfaketime.
+"""
+
+import argparse
+import csv
+import glob
+import json
+import os
+import shutil
+import signal
+import sqlite3
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+import urllib.request
+
+import kills_parts
+from docs_machine_faults import box_stl
+from kills_parts import LIGHT, SPEED, Programs, sha256
+
+JUMPS = ["+1d", "+0", "-1d", "+1h", "-1h", "+1m", "-1m", "+2d", "-2d", "+30d"]
+
+
+def libfaketime():
+    found = glob.glob("/usr/lib/*/faketime/libfaketime.so.1")
+    return found[0] if found else None
+
+
+class Case:
+    def __init__(self, options):
+        self.folder = tempfile.mkdtemp(prefix="clocks-")
+        self.programs = Programs(options.bin, self.folder)
+        self.options, self.wrong, self.told = options, [], {}
+        self.ended, self.jumped = threading.Event(), 0
+
+    def path(self, name):
+        return os.path.join(self.folder, name)
+
+    def tell(self, text):
+        self.wrong.append(text)
+        print(f"clocks: {text}", file=sys.stderr, flush=True)
+
+    def jumping(self):
+        """The environment of a program whose wall clock jumps from now on."""
+        path = self.path("jump")
+        with open(path, "w") as file:
+            file.write("+0")
+
+        def jump():
+            while not self.ended.wait(0.15):
+                with open(path + ".new", "w") as file:
+                    file.write(JUMPS[self.jumped % len(JUMPS)])
+                os.rename(path + ".new", path)
+                self.jumped += 1
+        threading.Thread(target=jump, daemon=True).start()
+        return {"LD_PRELOAD": libfaketime(), "FAKETIME_TIMESTAMP_FILE": path, "FAKETIME_NO_CACHE": "1",
+                "FAKETIME_DONT_FAKE_MONOTONIC": "1", "DONT_FAKE_MONOTONIC": "1",
+                # Files keep the times that they have.
+                "NO_FAKE_STAT": "1"}
+
+    def end(self):
+        self.ended.set()
+        shutil.rmtree(self.folder, ignore_errors=True)
+
+    # --- farm
+
+    def queue(self, jobs):
+        box_stl(self.path("part.stl"), 2, 1.5, 1)
+        for n in range(jobs):
+            self.programs.sound("slicefarm", "submit", "part.stl", "--dir", "farm", "--layer-um", "50", "--speed-mm-h", 800 + n,
+                                *LIGHT, "--out", "out", "--name", f"part{n}")
+        self.programs.sound("slicefarm", "set", "--dir", "farm", "retry-delay-s=0", "min-free-mb=0")
+
+    def rows(self, sql):
+        with sqlite3.connect(f"file:{self.path('farm/farm.sqlite')}?mode=ro", uri=True) as db:
+            return db.execute(sql).fetchall()
+
+    def all_done_once(self):
+        states = [s for s, in self.rows("SELECT state FROM jobs")]
+        if set(states) != {"done"}:
+            self.tell(f"jobs are {states}")
+        attempts = self.rows("SELECT job, COUNT(*) FROM attempts GROUP BY job HAVING COUNT(*) > 1")
+        if attempts:
+            self.tell(f"jobs with several attempts: {attempts}, {self.rows('SELECT reason, COUNT(*) FROM attempts GROUP BY reason')}")
+
+    # --- bridge
+
+    def machine(self, slices):
+        mesh, target, stack = kills_parts.fast_printer(self.path("fast.toml"), slices)
+        printer = self.path("fast.toml")
+        self.programs.sound("slicecorr", "slice", mesh, "-o", target, "--printer", printer, "--layer-um", "50", "--antialias", "off")
+        self.programs.sound("slicecorr", "correct", target, "-o", stack, "--printer", printer, "--resin", "figure-2-2", "--ha-um", "110",
+                            *SPEED)
+        self.events = self.path("events.jsonl")
+        self.sim = self.programs.start("printer-sim", "--printer", printer, "--listen", "127.0.0.1:0", "--frames", "tcp:127.0.0.1:0",
+                                       "--record-events", self.events, "-o", "shown.uvj", "--quiet", stdout=subprocess.PIPE)
+        where = json.loads(self.sim.stdout.readline())
+        modbus = where["modbus"] if where["modbus"].startswith("tcp:") else "tcp:" + where["modbus"]
+        return ["printbridge", "print", stack, "--printer", printer, "--dir", "state", "--modbus", modbus, "--sink", where["frames"],
+                "--machine-is-clear"]
+
+    def seen(self):
+        with open(self.events) as file:
+            return [json.loads(line) for line in file if line.endswith("\n") and "event" in line]
+
+    def wait_for(self, event, most_s=20):
+        until = time.monotonic() + most_s
+        while time.monotonic() < until:
+            if os.path.exists(self.events) and any(e.get("event") == event for e in self.seen()):
+                return True
+            time.sleep(0.02)
+        return False
+
+    def frames(self):
+        paths = glob.glob(self.path("state/*/frames.csv"))
+        with open(paths[0]) as file:
+            return list(csv.DictReader(file))
+
+    def end_sim(self):
+        self.sim.terminate()
+        self.sim.wait()
+
+
+def lit(events):
+    on = set()
+    for e in events:
+        what = e.get("event", "")
+        if what in ("blue on", "uv on"):
+            on.add(what.split()[0])
+        if what in ("blue off", "uv off"):
+            on.discard(what.split()[0])
+    return on
+
+
+def farm_jumps(case):
+    case.queue(case.options.jobs)
+    begin = time.monotonic()
+    done = case.programs.run("slicefarm", "run", "--dir", "farm", "--until-empty", more=case.jumping(), timeout=120)
+    case.told = {"jumps": case.jumped, "seconds": round(time.monotonic() - begin, 1)}
+    if done.returncode != 0:
+        case.tell(f"ends with {done.returncode}: {done.stderr.strip()[-300:]}")
+    case.all_done_once()
+
+
+def bridge_jumps(case):
+    words = case.machine(8)
+    begin = time.monotonic()
+    done = case.programs.run(*words, more=case.jumping(), timeout=120)
+    case.told = {"jumps": case.jumped, "seconds": round(time.monotonic() - begin, 1)}
+    case.end_sim()
+    if done.returncode != 0:
+        case.tell(f"ends with {done.returncode}: {done.stderr.strip()[-300:]}")
+    late = [r["frame"] for r in case.frames() if r["late"] != "0"]
+    if late:
+        case.tell(f"late frames: {late}")
+    if any(e.get("event") in ("watchdog", "fault") for e in case.seen()):
+        case.tell("the machine saw a fault")
+
+
+def watch_jumps(case):
+    os.mkdir(case.path("in"))
+    watch = case.programs.start("slicecorr-post", *LIGHT, "--watch", "in", "--settle-s", "0.5", more=case.jumping(), stderr=subprocess.PIPE)
+    begin = time.monotonic()
+    time.sleep(0.5)
+    kills_parts.sl1(case.path("new.sl1"), 8)
+    old = sha256(case.path("new.sl1"))
+    shutil.move(case.path("new.sl1"), case.path("in/part.sl1"))
+    while sha256(case.path("in/part.sl1")) == old and time.monotonic() < begin + 30 and watch.poll() is None:
+        time.sleep(0.05)
+    case.told = {"jumps": case.jumped, "seconds": round(time.monotonic() - begin, 1)}
+    if sha256(case.path("in/part.sl1")) == old:
+        case.tell("not corrected in 30 s: " + (watch.stderr.read().decode()[-300:] if watch.poll() is not None else ""))
+    watch.terminate()
+    watch.wait()
+
+
+def bridge_stopped(case):
+    """The machine's watchdog puts the light off; the bridge, awake again, says that it slept, and shows nothing late."""
+    words = case.machine(12)
+    bridge = case.programs.start(*words, stderr=subprocess.PIPE)
+    if not case.wait_for("frame 3"):
+        case.tell("no frame 3")
+    os.kill(bridge.pid, signal.SIGSTOP)
+    begin = time.monotonic()
+    if not case.wait_for("watchdog", 5):
+        case.tell("no watchdog")
+    dark_s = time.monotonic() - begin
+    time.sleep(max(0, case.options.stop_s - dark_s))
+    while_stopped = lit(case.seen())
+    if while_stopped:
+        case.tell(f"lamps on while it is stopped: {while_stopped}")
+    before = [e.get("event") for e in case.seen()]
+    os.kill(bridge.pid, signal.SIGCONT)
+    try:
+        _, said = bridge.communicate(timeout=20)
+    except subprocess.TimeoutExpired:
+        bridge.kill()
+        _, said = bridge.communicate()
+        case.tell("no end 20 s after it went on")
+    after = [e.get("event") for e in case.seen()][len(before):]
+    case.told = {"stopped_s": case.options.stop_s, "code": bridge.returncode, "dark_s": round(dark_s, 2)}
+    if bridge.returncode != 4:
+        case.tell(f"ends with {bridge.returncode}")
+    if "stopped" not in said.decode():
+        case.tell(f"does not say that it was stopped: {said.decode()[-300:]}")
+    if "blue on" in after or "uv on" in after:
+        case.tell("a lamp went on afterwards")
+    shown = [e for e in after if e and e.startswith("frame ")]
+    if shown and lit(case.seen()):
+        case.tell(f"shown afterwards, in light: {shown}")
+    case.end_sim()
+
+
+def service_stopped(case):
+    """For less than its lease: it goes on. Workers are not stopped."""
+    case.queue(3)
+    service = case.programs.start("slicefarm", "run", "--dir", "farm", "--until-empty", "--jobs", "1")
+    time.sleep(0.3)
+    os.kill(service.pid, signal.SIGSTOP)
+    time.sleep(min(case.options.stop_s, 30))
+    os.kill(service.pid, signal.SIGCONT)
+    try:
+        if service.wait(60) != 0:
+            case.tell(f"ends with {service.returncode}")
+    except subprocess.TimeoutExpired:
+        service.kill()
+        case.tell("no end")
+    case.told = {"stopped_s": min(case.options.stop_s, 30)}
+    case.all_done_once()
+
+
+def server_stopped(case):
+    """What was asked meanwhile is answered when it goes on; a page that waits for news gets them."""
+    case.queue(1)
+    server = case.programs.start("slicefarm", "serve", "--dir", "farm", "--listen", "127.0.0.1:0", stdout=subprocess.PIPE)
+    address = server.stdout.readline().decode().strip().rstrip("/")
+    answers = []
+
+    def ask(path):
+        try:
+            with urllib.request.urlopen(address + path, timeout=case.options.stop_s + 20) as answer:
+                answers.append((answer.status, len(answer.read())))
+        except OSError as error:
+            answers.append((0, str(error)))
+    ask("/api/v1/overview")
+    os.kill(server.pid, signal.SIGSTOP)
+    threads = [threading.Thread(target=ask, args=(p,)) for p in ("/", "/api/v1/overview", "/metrics", "/api/v1/jobs")]
+    for t in threads:
+        t.start()
+    time.sleep(case.options.stop_s)
+    os.kill(server.pid, signal.SIGCONT)
+    for t in threads:
+        t.join()
+    ask("/api/v1/overview")
+    case.told = {"stopped_s": case.options.stop_s, "answers": len(answers)}
+    # Connections that were silent for longer than the server waits are closed; what is asked anew is answered.
+    if case.options.stop_s < 10 and any(status != 200 for status, _ in answers):
+        case.tell(f"answers: {answers}")
+    if answers[-1][0] != 200 or server.poll() is not None:
+        case.tell(f"after it went on: {answers[-1]}, {server.poll()}")
+    server.terminate()
+    server.wait()
+
+
+CASES = {f.__name__: f for f in (farm_jumps, bridge_jumps, watch_jumps, bridge_stopped, service_stopped, server_stopped)}
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--bin", required=True)
+    parser.add_argument("--stop-s", type=float, default=3)
+    parser.add_argument("--jobs", type=int, default=12)
+    parser.add_argument("--json", help="also write the lines here")
+    parser.add_argument("cases", nargs="*", metavar="CASE")
+    options = parser.parse_args()
+    if not libfaketime():
+        print("clocks: no libfaketime (scripts/setup installs it)", file=sys.stderr)
+        return 77
+    wrong = 0
+    for name in options.cases or CASES:
+        case = Case(options)
+        try:
+            CASES[name](case)
+        finally:
+            case.end()
+        line = {"case": name, **case.told, "wrong": case.wrong}
+        wrong += len(case.wrong)
+        print(json.dumps(line), flush=True)
+        if options.json:
+            with open(options.json, "a") as file:
+                file.write(json.dumps(line) + "\n")
+    return 1 if wrong else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

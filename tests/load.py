@@ -1,0 +1,351 @@
+#!/usr/bin/python3
+# SPDX-FileCopyrightText: 2026 The slicecorr authors
+# SPDX-License-Identifier: Apache-2.0
+"""Many clients, a long queue, many prints one after the other.
+
+    load.py --bin build/bin [--jobs N] [--clients N] [--seconds S] [--upload-mb M] [--prints N] [--json FILE] [CASE...]
+
+queue    slicefarm serve and status with N queued jobs: how long each view takes, the median of five
+clients  N clients of slicefarm serve for S seconds: most ask for pages and lists, a tenth reads a byte now and then, a
+         tenth sends half a request and waits, some upload; meanwhile one well-behaved client is timed
+prints   a farm's service, its server and a machine's page live on while N jobs are corrected and printed on printer-sim in
+         simulated time: memory, open files and files on the disk at a third and at the end
+
+No time is asserted but in `queue` (--most-ms). What must hold: no answer of 5xx but 503 that says why, servers live on,
+and what they use at the end is what they used before. A line of JSON per case on stdout; exit code 0: all held.
+"""
+
+import argparse
+import http.client
+import json
+import os
+import random
+import shutil
+import socket
+import statistics
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+
+import kills_parts
+import load_queue
+from docs_machine_faults import box_stl
+from kills_parts import LIGHT, SPEED, Programs
+
+TOKEN = "0123456789abcdef" * 2
+VIEWS = ["/", "/print", "/machines", "/materials", "/healthz", "/metrics", "/report", "/api/v1/overview", "/api/v1/report",
+         "/api/v1/timeline.svg", "/api/v1/openapi.json", "/api/v1/me", "/api/v1/machines", "/api/v1/bridges", "/api/v1/resins",
+         "/api/v1/printers", "/api/v1/events", "/api/v1/events?after=1&limit=1000", "/api/v1/jobs/1", "/api/v1/jobs/1/log",
+         "/api/v1/jobs", "/api/v1/jobs?state=queued&order=urgency&limit=20", "/api/v1/jobs?state=queued",
+         "/api/v1/jobs?state=queued&order=newest", "/api/v1/jobs?state=failed&order=ended&limit=20",
+         "/api/v1/jobs?state=done&order=worst", "/api/v1/jobs?user=user-3", "/api/v1/jobs?user=user-3&offset=5000",
+         "/api/v1/jobs?user=user-3&state=queued&order=urgency", "/api/v1/jobs?offset=900000", "/api/v1/jobs?label=none",
+         "/api/v1/jobs?text=part-0424", "/api/v1/jobs?text=nothing-is-called-this"]
+
+
+# Open files of a connection to the record; the server has one for each of its 16 threads at most.
+FILES_OF_A_READER = 3
+
+
+def used(pid):
+    """Memory in kB, open files, threads of a process."""
+    with open(f"/proc/{pid}/status") as file:
+        status = dict(line.split(":", 1) for line in file if ":" in line)
+    return {"rss_kb": int(status["VmRSS"].split()[0]), "files": len(os.listdir(f"/proc/{pid}/fd")),
+            "threads": int(status["Threads"])}
+
+
+def files_below(folder):
+    return sum(len(files) for _, _, files in os.walk(folder))
+
+
+class Case:
+    def __init__(self, options):
+        self.options, self.folder = options, tempfile.mkdtemp(prefix="load-")
+        self.programs = Programs(options.bin, self.folder)
+        self.wrong, self.told, self.children = [], {}, []
+
+    def path(self, name):
+        return os.path.join(self.folder, name)
+
+    def tell(self, text):
+        self.wrong.append(text)
+        print(f"load: {text}", file=sys.stderr, flush=True)
+
+    def serve(self):
+        with open(os.open(self.path("token"), os.O_CREAT | os.O_WRONLY, 0o600), "w") as file:
+            file.write(TOKEN + "\n")
+        server = self.programs.start("slicefarm", "serve", "--dir", "farm", "--listen", "127.0.0.1:0", "--token-file",
+                                     self.path("token"), stdout=subprocess.PIPE)
+        self.children.append(server)
+        self.address = server.stdout.readline().decode().strip().split("//")[-1].rstrip("/")
+        return server
+
+    def ask(self, path, timeout=60):
+        begin = time.monotonic()
+        connection = http.client.HTTPConnection(self.address, timeout=timeout)
+        try:
+            connection.request("GET", path)
+            answer = connection.getresponse()
+            body = answer.read()
+            return answer.status, len(body), time.monotonic() - begin, answer.getheader("Retry-After")
+        finally:
+            connection.close()
+
+    def end(self):
+        for child in self.children:
+            child.terminate()
+            child.wait()
+        shutil.rmtree(self.folder, ignore_errors=True)
+
+
+def queue(case):
+    begin = time.monotonic()
+    size = load_queue.make(case.programs, case.options.jobs)
+    case.told = {"jobs": case.options.jobs, "made_s": round(time.monotonic() - begin, 1), "database_mb": size >> 20}
+    case.serve()
+    views = {}
+    for view in VIEWS:
+        times = []
+        for _ in range(5):
+            status, _, seconds, _ = case.ask(view)
+            times.append(1000 * seconds)
+            if status != 200 and not (status == 404 and view.endswith("/log")):
+                case.tell(f"{view}: {status}")
+        views[view] = round(statistics.median(times), 1)
+    for words in (["status"], ["status", "--json", "-"], ["status", "--state", "queued"], ["logs", "1"]):
+        times = []
+        for _ in range(3):
+            begin = time.monotonic()
+            done = case.programs.run("slicefarm", *words, "--dir", "farm")
+            times.append(1000 * (time.monotonic() - begin))
+            if done.returncode != 0:
+                case.tell(f"{words}: {done.returncode} {done.stderr.strip()}")
+        views["slicefarm " + " ".join(words)] = round(statistics.median(times), 1)
+    case.told["ms"] = views
+    # A word is looked for in the names of all jobs (docs/farm-tried.md).
+    slow = {view: ms for view, ms in views.items() if ms > case.options.most_ms and "text=" not in view}
+    if slow:
+        case.tell(f"slower than {case.options.most_ms} ms: {slow}")
+
+
+class Client(threading.Thread):
+    """What one client does until the end, and the answers that it gets."""
+
+    def __init__(self, case, kind, end, seed):
+        super().__init__(daemon=True)
+        self.case, self.kind, self.end, self.rng = case, kind, end, random.Random(seed)
+        self.answers, self.times, self.broken = {}, [], 0
+        host, port = case.address.split(":")
+        self.where = (host, int(port))
+
+    def note(self, status):
+        self.answers[status] = self.answers.get(status, 0) + 1
+
+    def run(self):
+        while not self.end.is_set():
+            try:
+                getattr(self, self.kind)()
+            except (OSError, http.client.HTTPException):
+                self.broken += 1
+                self.end.wait(0.05)
+
+    def asks(self):
+        view = self.rng.choice([v for v in VIEWS if "report" not in v])
+        status, _, seconds, retry = self.case.ask(view)
+        self.note(status)
+        self.times.append(seconds)
+        if status == 503:
+            self.end.wait(float(retry or 0.2))
+        self.end.wait(0.05 + 0.1 * self.rng.random())
+
+    def reads_slowly(self):
+        with socket.create_connection(self.where, timeout=30) as s:
+            s.sendall(b"GET /api/v1/jobs?limit=1000 HTTP/1.1\r\nHost: %s\r\n\r\n" % self.case.address.encode())
+            first = s.recv(12)
+            self.note(int(first[9:12]) if len(first) == 12 else 0)
+            while not self.end.wait(0.2) and s.recv(1):
+                pass
+
+    def half_open(self):
+        with socket.create_connection(self.where, timeout=30) as s:
+            s.sendall(b"GET /api/v1/jo")
+            data = s.recv(100)
+            self.note(int(data[9:12]) if len(data) >= 12 else 0)
+
+    def uploads(self):
+        connection = http.client.HTTPConnection(self.case.address, timeout=120)
+        block = os.urandom(1 << 20)
+        size = self.case.options.upload_mb << 20
+
+        def body():
+            for _ in range(size >> 20):
+                if self.end.is_set():
+                    return
+                yield block
+        connection.request("PUT", "/api/v1/parts/large.stl", body(), {"Authorization": f"Bearer {TOKEN}", "Content-Length": str(size)})
+        self.note(connection.getresponse().status)
+        connection.close()
+        self.end.wait(1)
+
+
+def clients(case):
+    box_stl(case.path("part.stl"), 1, 1.5, 0.5)
+    case.programs.sound("slicefarm", "submit", "part.stl", "--dir", "farm", "--layer-um", "50", *SPEED, *LIGHT)
+    server = case.serve()
+    # As many at a time as it has threads: each of them keeps the record open from then on.
+    for _ in range(3):
+        first = [threading.Thread(target=case.ask, args=("/api/v1/jobs?limit=1000",)) for _ in range(64)]
+        for t in first:
+            t.start()
+        for t in first:
+            t.join()
+    before, end = used(server.pid), threading.Event()
+    n = case.options.clients
+    kinds = ["reads_slowly"] * (n // 10) + ["half_open"] * (n // 10) + ["uploads"] * max(1, n // 50)
+    kinds += ["asks"] * (n - len(kinds))
+    people = [Client(case, kind, end, seed) for seed, kind in enumerate(kinds)]
+    for p in people:
+        p.start()
+    begin, most, third = time.monotonic(), dict(before), None
+    own = {"asked": 0, "answered": 0, "longest_s": 0.0}
+    while time.monotonic() < begin + case.options.seconds:
+        own["asked"] += 1
+        try:
+            status, _, seconds, _ = case.ask("/api/v1/overview")
+            own["answered"] += status == 200
+            own["longest_s"] = max(own["longest_s"], round(seconds, 3))
+        except (OSError, http.client.HTTPException):
+            pass
+        if server.poll() is not None:
+            case.tell(f"the server ended with {server.returncode}")
+            break
+        now = used(server.pid)
+        most = {k: max(v, now[k]) for k, v in most.items()}
+        if third is None and time.monotonic() > begin + case.options.seconds / 3:
+            third = now
+        time.sleep(0.2)
+    end.set()
+    for p in people:
+        p.join(40)
+    time.sleep(1)
+    answers = {}
+    for p in people:
+        for status, count in p.answers.items():
+            answers[status] = answers.get(status, 0) + count
+    times = sorted(t for p in people for t in p.times)
+    if server.poll() is None:
+        after = used(server.pid)
+        until = time.monotonic() + 30
+        most_files = before["files"] + FILES_OF_A_READER * 16
+        while after["files"] > most_files and time.monotonic() < until:
+            time.sleep(0.5)
+            after = used(server.pid)
+        if after["files"] > most_files:
+            case.tell(f"open files: {before['files']} before, {after['files']} after")
+        # Buffers of as many threads as there were at a time.
+        if third and after["rss_kb"] > 1.5 * third["rss_kb"] + 32768:
+            case.tell(f"memory grows: {third['rss_kb']} kB after a third, {after['rss_kb']} kB at the end")
+        case.told = {"clients": n, "seconds": case.options.seconds, "upload_mb": case.options.upload_mb, "before": before,
+                     "most": most, "after": after}
+    bad = {s: c for s, c in answers.items() if s >= 500 and s != 503}
+    if bad:
+        case.tell(f"answers {bad}")
+    if own["answered"] == 0:
+        case.tell("the well-behaved client got no answer")
+    if case.ask("/healthz")[0] != 200:
+        case.tell("not well afterwards")
+    left = [n for n in kills_parts.hidden(case.path("farm/uploads"))] if os.path.isdir(case.path("farm/uploads")) else []
+    if left:
+        case.tell(f"left {left}")
+    case.told.update({"answers": {str(k): v for k, v in sorted(answers.items())}, "closed": sum(p.broken for p in people),
+                      "median_ms": round(1000 * times[len(times) // 2], 1) if times else None,
+                      "99_percent_ms": round(1000 * times[len(times) * 99 // 100], 1) if times else None, "well_behaved": own})
+
+
+def prints(case):
+    mesh, _, stack = kills_parts.fast_printer(case.path("fast.toml"), 4)
+    printer = case.path("fast.toml")
+    case.programs.sound("slicefarm", "submit", mesh, "--dir", "farm", "--layer-um", "50", "--printer", printer, "--resin",
+                        "figure-2-2", "--ha-um", "110", *SPEED, "--out", "out", "--name", "part0")
+    case.programs.sound("slicefarm", "set", "--dir", "farm", "min-free-mb=0")
+    service = case.programs.start("slicefarm", "run", "--dir", "farm", "--jobs", "1")
+    case.children.append(service)
+    server = case.serve()
+    page = case.programs.start("printbridge", "serve", "--printer", printer, "--dir", "state", "--listen", "127.0.0.1:0",
+                               stdout=subprocess.PIPE)
+    case.children.append(page)
+    page.stdout.readline()
+    living, seen, simulated_s = {"service": service, "server": server, "page": page}, [], 0.0
+    for n in range(case.options.prints):
+        if n:
+            case.programs.sound("slicefarm", "submit", mesh, "--dir", "farm", "--layer-um", "50", "--printer", printer, "--resin",
+                                "figure-2-2", "--ha-um", "110", "--speed-mm-h", 800 + 0.001 * n, "--out", "out", "--name", f"part{n}")
+        part, until = case.path(f"out/part{n}.uvj"), time.monotonic() + 120
+        while not os.path.exists(part) and time.monotonic() < until:
+            time.sleep(0.02)
+        sim = case.programs.start("printer-sim", "--printer", printer, "--listen", "127.0.0.1:0", "--frames", "tcp:127.0.0.1:0",
+                                  "--lockstep", "--quiet", stdout=subprocess.PIPE)
+        where = json.loads(sim.stdout.readline())
+        modbus = where["modbus"] if where["modbus"].startswith("tcp:") else "tcp:" + where["modbus"]
+        done = case.programs.run("printbridge", "print", part, "--printer", printer, "--dir", "state", "--modbus", modbus, "--sink",
+                                 where["frames"], "--lockstep")
+        sim.terminate()
+        sim.wait()
+        if done.returncode != 0:
+            case.tell(f"print {n}: {done.returncode} {done.stderr.strip()[-200:]}")
+            break
+        status = json.loads(case.programs.sound("printbridge", "status", "--printer", printer, "--dir", "state", "--json", "-").stdout)
+        simulated_s += float(status.get("elapsed_s") or status.get("at_s") or 0)
+        case.ask("/api/v1/overview")
+        seen.append({**{k: used(p.pid) for k, p in living.items()}, "state": files_below(case.path("state")),
+                     "attempts": files_below(case.path("farm/store/attempts")), "hidden": len(kills_parts.hidden(case.folder))})
+    case.told = {"prints": len(seen), "simulated_s": round(simulated_s), "third": seen[len(seen) // 3] if seen else None,
+                 "end": seen[-1] if seen else None}
+    if len(seen) >= 9:
+        third, last = seen[len(seen) // 3], seen[-1]
+        for name in living:
+            if last[name]["files"] > third[name]["files"] + 2 or last[name]["threads"] > third[name]["threads"] + 1:
+                case.tell(f"{name}: {third[name]} after a third, {last[name]} at the end")
+            if last[name]["rss_kb"] > 1.2 * third[name]["rss_kb"] + 4096:
+                case.tell(f"memory of {name} grows: {third[name]['rss_kb']} kB after a third, {last[name]['rss_kb']} kB at the end")
+        for name in ("state", "hidden"):
+            if last[name] > third[name]:
+                case.tell(f"{name}: {third[name]} files after a third, {last[name]} at the end")
+
+
+CASES = {f.__name__: f for f in (queue, clients, prints)}
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--bin", required=True)
+    parser.add_argument("--jobs", type=int, default=20000)
+    parser.add_argument("--most-ms", type=float, default=1e9)
+    parser.add_argument("--clients", type=int, default=40)
+    parser.add_argument("--seconds", type=float, default=5)
+    parser.add_argument("--upload-mb", type=int, default=4)
+    parser.add_argument("--prints", type=int, default=9)
+    parser.add_argument("--json", help="also write the lines here")
+    parser.add_argument("cases", nargs="*", metavar="CASE")
+    options = parser.parse_args()
+    wrong = 0
+    for name in options.cases or CASES:
+        case = Case(options)
+        try:
+            CASES[name](case)
+        finally:
+            case.end()
+        line = {"case": name, **case.told, "wrong": case.wrong}
+        wrong += len(case.wrong)
+        print(json.dumps(line), flush=True)
+        if options.json:
+            with open(options.json, "a") as file:
+                file.write(json.dumps(line) + "\n")
+    return 1 if wrong else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -33,11 +33,6 @@ inline std::uint32_t crc32(std::uint32_t crc, const std::uint8_t* bytes, std::si
   leave_wide_registers();
   return crc;
 }
-inline std::uint32_t adler32(std::uint32_t adler, const std::uint8_t* bytes, std::size_t size) {
-  adler = ::isal_adler32(adler, bytes, size);
-  leave_wide_registers();
-  return adler;
-}
 inline int inflate(inflate_state* state) {
   const int result = ::isal_inflate(state);
   leave_wide_registers();

@@ -3,6 +3,7 @@
 
 #include "stack/png/png.hpp"
 
+#include <libdeflate.h>
 #include <zlib.h>
 
 #include <algorithm>
@@ -139,8 +140,11 @@ void append_png_end(std::uint32_t adler, std::vector<std::uint8_t>& out) {
   append_png_iend(out);
 }
 
-std::uint32_t adler_of(std::span<const std::uint8_t> bytes) {
-  return isal::adler32(1, bytes.data(), bytes.size());
+std::uint32_t adler_of(std::span<const std::uint8_t> bytes) { return adler_after(1, bytes); }
+
+std::uint32_t adler_after(std::uint32_t adler, std::span<const std::uint8_t> bytes) {
+  // Of no bytes at all the library may begin anew.
+  return bytes.empty() ? adler : libdeflate_adler32(adler, bytes.data(), bytes.size());
 }
 
 std::uint32_t adler_after_zeros(std::uint32_t adler, std::uint64_t count) {
@@ -159,7 +163,7 @@ std::uint32_t adler_of(const GreyRows& r) {
   std::uint32_t adler = 1;
   for (int y = 0; y < r.rows; ++y) {
     adler = adler_after_zeros(adler, before);
-    adler = isal::adler32(adler, r.pixels + width * static_cast<std::size_t>(y), width);
+    adler = adler_after(adler, {r.pixels + width * static_cast<std::size_t>(y), width});
     adler = adler_after_zeros(adler, after);
   }
   return adler;

@@ -113,6 +113,8 @@ void end_chunk(std::size_t start, std::vector<std::uint8_t>& out);
 std::uint32_t adler_of(std::span<const std::uint8_t> bytes);
 /// Adler-32 of rows, each with a filter byte of 0 in front.
 std::uint32_t adler_of(const GreyRows& rows);
+/// Adler-32 after more bytes.
+std::uint32_t adler_after(std::uint32_t adler, std::span<const std::uint8_t> bytes);
 /// Adler-32 after `count` more bytes of 0.
 std::uint32_t adler_after_zeros(std::uint32_t adler, std::uint64_t count);
 /// Adler-32 of two byte strings joined, the second of `second_bytes`.

@@ -8,7 +8,6 @@
 #include "base/image_module.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/load_printer.hpp"
-#include "stack/isa_l.hpp"
 #include "stack/png/png_layout.hpp"
 
 namespace slicecorr::detail {
@@ -174,7 +173,7 @@ std::uint32_t decode_png_bands(Bytes png, int width_px, int height_px, int rows,
   if (!packed_rgb && plain && layout.bit_depth == 1) return decode_bits(layout, rows, name, sink);
   std::uint32_t adler = 1;
   const auto take = [&](int y0, int y1, const std::uint8_t* raw) {
-    adler = isal::adler32(adler, raw, raw_stride(width_px) * static_cast<std::size_t>(y1 - y0));
+    adler = adler_after(adler, {raw, raw_stride(width_px) * static_cast<std::size_t>(y1 - y0)});
     sink(y0, y1, raw);
   };
   if (!packed_rgb) {

@@ -9,7 +9,6 @@
 #include <cstring>
 
 #include "base/coded_band.hpp"
-#include "stack/isa_l.hpp"
 #include "stack/png/png_layout.hpp"
 
 namespace slicecorr::detail {
@@ -77,7 +76,7 @@ class GreyBands {
   bool take(std::uint8_t* band, const Check& check) {
     const int y1 = std::min(height_, y_ + rows_);
     const std::size_t stride = raw_stride(width_), size = next_bytes();
-    stored_adler_ = isal::adler32(stored_adler_, band, size);
+    stored_adler_ = adler_after(stored_adler_, {band, size});
     bool filtered = false;
     const std::uint8_t* above = last_.data();
     std::uint8_t* row = band;
@@ -91,7 +90,7 @@ class GreyBands {
       above = row;
     }
     differs_ = differs_ || filtered;
-    adler_ = differs_ ? isal::adler32(adler_, band, size) : stored_adler_;
+    adler_ = differs_ ? adler_after(adler_, {band, size}) : stored_adler_;
     std::copy_n(above, stride, last_.data());
     return pass_on(y1, band, check);
   }
@@ -287,8 +286,7 @@ std::uint32_t decode_bits(const PngLayout& layout, int rows, const PngName& name
   const Bytes stream = join(layout, joined);
   Inflater inflater;
   if (!inflate_all(stream, inflater, image) ||
-      isal::adler32(1, image.data(), image.size()) !=
-          load_u32(stream.data() + stream.size() - kZlibEnd)) {
+      adler_of(image) != load_u32(stream.data() + stream.size() - kZlibEnd)) {
     IdatStream slow(layout, name);
     slow.read(image);
     slow.finish();
@@ -312,7 +310,7 @@ std::uint32_t decode_bits(const PngLayout& layout, int rows, const PngName& name
       }
     }
     const std::size_t size = stride * static_cast<std::size_t>(y1 - y0);
-    adler = isal::adler32(adler, band.data(), size);
+    adler = adler_after(adler, {band.data(), size});
     sink(y0, y1, band.data());
   }
   return adler;

@@ -38,9 +38,12 @@ TEST(RunLength, RoundTripsRunsOfAllLengths) {
     detail::run_length_encode(data.data(), data.size(), code);
     ASSERT_EQ(code[0], 42);
     ASSERT_LE(code.size() - 1, data.size() + data.size() / 64 + 2);
-    Bytes decoded(data.size());
+    // Nothing is written beyond what was asked for.
+    Bytes decoded(data.size() + 64, 7);
     const std::uint8_t* const end = code.data() + code.size();
-    ASSERT_EQ(detail::run_length_decode(code.data() + 1, end, decoded.data(), decoded.size()), end);
+    ASSERT_EQ(detail::run_length_decode(code.data() + 1, end, decoded.data(), data.size()), end);
+    ASSERT_EQ(std::ranges::count(Bytes(decoded.end() - 64, decoded.end()), 7), 64);
+    decoded.resize(data.size());
     ASSERT_EQ(decoded, data);
 
     std::vector<detail::NonZero> nonzero;

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <bit>
 #include <cstring>
+#include <iterator>
 
 #include "base/run_end.hpp"
 #include "slicecorr/error.hpp"
@@ -38,13 +39,20 @@ std::size_t next_run(const std::uint8_t* data, std::size_t i, std::size_t n) {
   return n;
 }
 
-void put_header(Kind kind, std::size_t length, std::vector<std::uint8_t>& out) {
+std::uint8_t* put_header(Kind kind, std::size_t length, std::uint8_t* out) {
   const std::size_t low = std::min(length, kLongLength) - 1;
-  out.push_back(static_cast<std::uint8_t>(kind << 6 | low));
-  if (length < kLongLength) return;
+  *out++ = static_cast<std::uint8_t>(kind << 6 | low);
+  if (length < kLongLength) return out;
   std::size_t rest = length - kLongLength;
-  for (; rest >= 128; rest >>= 7) out.push_back(static_cast<std::uint8_t>(rest | 128));
-  out.push_back(static_cast<std::uint8_t>(rest));
+  for (; rest >= 128; rest >>= 7) *out++ = static_cast<std::uint8_t>(rest | 128);
+  *out++ = static_cast<std::uint8_t>(rest);
+  return out;
+}
+
+/// Most runs are short: eight bytes at a time, where so many more may be read and written.
+constexpr std::size_t kShort = 64;
+void copy_short(const std::uint8_t* from, std::size_t length, std::uint8_t* to) {
+  for (std::size_t i = 0; i < length; i += 8) std::memcpy(to + i, from + i, 8);
 }
 
 [[noreturn]] void corrupt() { throw InputError("run-length code of an image is damaged"); }
@@ -68,19 +76,32 @@ std::size_t run_end(const std::uint8_t* data, std::size_t i, std::size_t n) {
 }
 
 void run_length_encode(const std::uint8_t* data, std::size_t n, std::vector<std::uint8_t>& out) {
-  std::size_t i = 0;
-  while (i < n) {
-    const std::size_t start = next_run(data, i, n);
-    if (start > i) {
-      put_header(plain, start - i, out);
+  // A code is written here first, and goes on piece by piece.
+  std::uint8_t piece[32 * kShort];
+  std::uint8_t* to = piece;
+  const auto pass_on = [&] {
+    out.insert(out.end(), piece, to);
+    to = piece;
+  };
+  for (std::size_t i = 0; i < n;) {
+    const std::size_t start = next_run(data, i, n), length = start - i;
+    // Room for two headers, a value and what is short.
+    if (to + 2 * kShort > std::end(piece)) pass_on();
+    if (length > 0) to = put_header(plain, length, to);
+    if (length <= kShort && i + kShort <= n) {
+      copy_short(data + i, length, to);
+      to += length;
+    } else {
+      pass_on();
       out.insert(out.end(), data + i, data + start);
     }
-    if (start == n) return;
+    if (start == n) break;
     i = run_end(data, start, n);
     const std::uint8_t value = data[start];
-    put_header(value == 0 ? zeros : value == 255 ? ones : repeated, i - start, out);
-    if (value != 0 && value != 255) out.push_back(value);
+    to = put_header(value == 0 ? zeros : value == 255 ? ones : repeated, i - start, to);
+    if (value != 0 && value != 255) *to++ = value;
   }
+  pass_on();
 }
 
 namespace {
@@ -117,11 +138,23 @@ const std::uint8_t* each_run(const std::uint8_t* in, const std::uint8_t* end, st
 
 const std::uint8_t* run_length_decode(const std::uint8_t* in, const std::uint8_t* end,
                                       std::uint8_t* data, std::size_t n) {
+  std::uint8_t* const past = data + n;
   return each_run(in, end, n, [&](int kind, const std::uint8_t* bytes, std::size_t length) {
+    const bool is_short = length <= kShort && kShort <= static_cast<std::size_t>(past - data);
     if (kind == plain) {
-      std::memcpy(data, bytes, length);
+      if (is_short && kShort <= static_cast<std::size_t>(end - bytes)) {
+        copy_short(bytes, length, data);
+      } else {
+        std::memcpy(data, bytes, length);
+      }
     } else {
-      std::memset(data, kind == zeros ? 0 : kind == ones ? 255 : *bytes, length);
+      const std::uint8_t value = kind == zeros ? 0 : kind == ones ? 255 : *bytes;
+      if (is_short) {
+        const std::uint64_t pattern = value * 0x0101010101010101U;
+        for (std::size_t i = 0; i < length; i += 8) std::memcpy(data + i, &pattern, 8);
+      } else {
+        std::memset(data, value, length);
+      }
     }
     data += length;
   });

@@ -18,10 +18,10 @@ PlainMoments::PlainMoments(const CureModel& model, const PixelCurve& curve, std:
       curve_(curve),
       longest_(longest),
       step_(gel_step(model)),
+      log2_step_(std::countr_zero(static_cast<unsigned>(step_))),
       least_(1.0 - kSameDose - beyond_reach),
       blocks_((columns + kLanes - 1) / kLanes) {
   while (static_cast<int>(ring_) < longest / step_ + 2) ring_ *= 2;
-  after_steps_.resize(blocks_.size() * ring_ * kLanes);
   for (double left = 1.0; left > 1e-18; left *= model.a) faded_.push_back(left);
 }
 
@@ -49,9 +49,14 @@ void PlainMoments::go_down_to(std::size_t block, int slice) {
       to[i] = b.light[i] + (b.dose[i] - b.light[i]) * left;
     }
   };
+  // Nothing comes after the last slice. Most columns around a part never come further than that.
+  if (slice == b.last) return;
+  if (!b.after_steps) {
+    b.after_steps = std::make_unique_for_overwrite<double[]>(ring_ * kLanes);
+  }
   const int highest = std::min(b.node - 1, end_of_step(slice + longest_, step_));
   for (int n = end_of_step(slice, step_); n <= highest; n += step_) {
-    double* const after = after_step(block, n / step_);
+    double* const after = after_step(b, n >> log2_step_);
     if (n + 1 == b.node) {
       copy_lanes(b.dose, after);
     } else {
@@ -66,33 +71,43 @@ void PlainMoments::go_down_to(std::size_t block, int slice) {
 int PlainMoments::look(std::size_t block, std::size_t lane, int slice, double beyond) {
   Block& b = blocks_[block];
   const auto left = [&](int step) {
-    const int end = end_of_step(step * step_, step_);
-    return end >= b.last ? 0.0 : faded(end - slice) * after_step(block, step)[lane];
+    const int end = end_of_step(step << log2_step_, step_);
+    return end >= b.last ? 0.0 : faded(end - slice) * after_step(b, step)[lane];
   };
-  const int lowest = slice / step_, highest = std::min(b.last, slice + longest_) / step_;
+  const int lowest = slice >> log2_step_;
+  const int highest = std::min(b.last, slice + longest_) >> log2_step_;
   int step = std::clamp(b.waits_for[lane], lowest, highest);
-  if (left(step) <= beyond) {
-    while (step > lowest && left(step - 1) <= beyond) --step;
+  // What is left after the step and, where that is known, after the one before it.
+  double after = left(step), before = 0;
+  if (after <= beyond) {
+    for (; step > lowest; --step) {
+      before = left(step - 1);
+      if (before > beyond) break;
+      after = before;
+    }
   } else {
-    while (step < highest && left(step) > beyond) ++step;
+    for (; step < highest && after > beyond; ++step) {
+      before = after;
+      after = left(step + 1);
+    }
   }
   b.waits_for[lane] = step;
   b.left[lane] = b.before[lane] = 0;
   // What gels at last, by less than what doses are compared to.
-  if (step == highest && left(step) > beyond) return longest_;
-  const int first = step * step_, end = end_of_step(first, step_);
+  if (step == highest && after > beyond) return longest_;
+  const int first = step << log2_step_, end = end_of_step(first, step_);
   if (int n = std::min(end, b.last); b.since[lane] >= n) {
     // By light that has been the same: layers below wait as long.
     const double added = model_.one_minus_a * b.light[lane];
-    double dose = n == b.last ? 0.0 : after_step(block, step)[lane];
+    double dose = n == b.last ? 0.0 : after_step(b, step)[lane];
     for (; n > std::max(first, slice); --n) {
       dose = added + model_.a * dose;
       if (faded(n - 1 - slice) * dose > beyond) break;
     }
     return n - slice;
   }
-  b.left[lane] = left(step);
-  if (step > lowest) b.before[lane] = left(step - 1);
+  b.left[lane] = after;
+  if (step > lowest) b.before[lane] = before;
   return -1 - end;
 }
 

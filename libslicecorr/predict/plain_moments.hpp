@@ -11,6 +11,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <functional>
+#include <memory>
 #include <vector>
 
 #include "base/tile_kernels.hpp"
@@ -37,21 +38,21 @@ class PlainMoments {
     double light[kLanes] = {};  ///< that lanes are shown there
     double left[kLanes] = {};   ///< in the layer at hand, of slices after the step in which it gels
     double before[kLanes] = {};  ///< the same, of slices after the step before; 0: not known
-    std::int32_t waits_for[kLanes] = {};  ///< step of the layer looked at last
-    std::uint8_t pixels[kLanes] = {};     ///< of the slice taken last
-    std::int32_t told[kLanes] = {};       ///< as told last
-    std::int32_t since[kLanes] = {};      ///< the light is the same from here down
-    int node = 0;                         ///< the slice looked at last
-    int last = -1;                        ///< slice with light; -1: not known yet
-    LaneMask active = 0;                  ///< what is told may change
-    LaneMask known = 0;                   ///< `left` and `before` hold
-    LaneMask at_once = 0;                 ///< `told` is a slice in which layers gel at once
-    LaneMask told_own = ~LaneMask{0};     ///< each gels in its own slice, or never
+    std::int32_t waits_for[kLanes] = {};    ///< step of the layer looked at last
+    std::uint8_t pixels[kLanes] = {};       ///< of the slice taken last
+    std::int32_t told[kLanes] = {};         ///< as told last
+    std::int32_t since[kLanes] = {};        ///< the light is the same from here down
+    int node = 0;                           ///< the slice looked at last
+    int last = -1;                          ///< slice with light; -1: not known yet
+    std::unique_ptr<double[]> after_steps;  ///< see `after_step`; null: none was kept
+    LaneMask active = 0;                    ///< what is told may change
+    LaneMask known = 0;                     ///< `left` and `before` hold
+    LaneMask at_once = 0;                   ///< `told` is a slice in which layers gel at once
+    LaneMask told_own = ~LaneMask{0};       ///< each gels in its own slice, or never
   };
   /// Of a block: the dose at the far node of the last slice of a step, of what comes after it.
-  double* after_step(std::size_t block, int step) {
-    const auto kept = static_cast<std::size_t>(step) & (ring_ - 1);
-    return &after_steps_[(block * ring_ + kept) * kLanes];
+  double* after_step(const Block& block, int step) const {
+    return &block.after_steps[(static_cast<std::size_t>(step) & (ring_ - 1)) * kLanes];
   }
   double faded(int slices) const {
     const auto j = static_cast<std::size_t>(slices);
@@ -69,11 +70,11 @@ class PlainMoments {
   const CureModel& model_;
   const PixelCurve& curve_;
   const int longest_;
-  const int step_;      ///< layers that gel in the same step of so many slices are told alike
+  const int step_;  ///< layers that gel in the same step of so many slices are told alike
+  const int log2_step_;
   const double least_;  ///< dose of a middle that may gel
   bool wanted_ = true;
-  std::size_t ring_ = 1;  ///< steps kept, a power of two
-  std::vector<double> after_steps_;
+  std::size_t ring_ = 1;       ///< steps kept, a power of two
   std::vector<double> faded_;  ///< a^j, by j
   std::vector<Block> blocks_;
 };

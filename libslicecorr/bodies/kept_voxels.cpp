@@ -84,32 +84,31 @@ void sort_told(std::vector<Place>& places) {
   if (std::ranges::adjacent_find(places, back) != places.end()) sort_places(places);
 }
 
-/// Groups of neighbouring columns with the same value.
-struct Group {
-  std::uint32_t first, length, value;
-};
-
-void add_to(std::vector<Group>& groups, std::uint32_t column, std::uint32_t value) {
-  if (!groups.empty() && groups.back().first + groups.back().length == column &&
-      groups.back().value == value) {
-    ++groups.back().length;
-  } else {
-    groups.push_back({column, 1, value});
-  }
-}
-
-void put_groups(std::vector<std::uint8_t>& code, const std::vector<Group>& groups, bool valued) {
-  const std::size_t begin = code.size();
-  code.resize(begin + (1 + 3 * groups.size()) * kNumberBytes);
-  std::uint8_t* to = put_number(code.data() + begin, groups.size());
+/// Puts what changes in a slice, from the first column to the last: groups of neighbouring columns with the
+/// same value. `room` is for this alone.
+template <bool valued, class Place>
+void put_groups(std::vector<std::uint8_t>& code, std::span<const Place> places,
+                std::vector<std::uint8_t>& room) {
+  const auto goes_on = [&](std::size_t i) {
+    if constexpr (valued) {
+      if (places[i].value() != places[i - 1].value()) return false;
+    }
+    return places[i].column == places[i - 1].column + 1;
+  };
+  std::size_t groups = places.empty() ? 0 : 1;
+  for (std::size_t i = 1; i < places.size(); ++i) groups += goes_on(i) ? 0 : 1;
+  room.resize(std::max(room.size(), (1 + 3 * groups) * kNumberBytes));
+  std::uint8_t* to = put_number(room.data(), groups);
   std::uint32_t column = 0;
-  for (const Group& g : groups) {
-    to = put_number(to, std::uint64_t{2} * (g.first - column) + (g.length > 1 ? 1 : 0));
-    if (g.length > 1) to = put_number(to, g.length - 2);
-    if (valued) to = put_number(to, g.value);
-    column = g.first + g.length;
+  for (std::size_t i = 0, past = 0; i < places.size(); i = past) {
+    for (past = i + 1; past < places.size() && goes_on(past);) ++past;
+    const std::size_t length = past - i;
+    to = put_number(to, std::uint64_t{2} * (places[i].column - column) + (length > 1 ? 1 : 0));
+    if (length > 1) to = put_number(to, length - 2);
+    if constexpr (valued) to = put_number(to, places[i].value());
+    column = places[past - 1].column + 1;
   }
-  code.resize(static_cast<std::size_t>(to - code.data()));
+  code.insert(code.end(), room.data(), to);
 }
 
 std::string folder_of_kept() {
@@ -157,27 +156,27 @@ void VoxelChanges::sort() {
 
 std::vector<std::uint8_t> VoxelChanges::code(int layers, unsigned kind) {
   sort();
-  std::vector<Group> groups;
-  std::vector<std::uint8_t> code;
+  std::vector<std::uint8_t> code, room;
   if ((kinds_ & kind) == 0) return code;
+  std::vector<Flip> its;
   std::size_t last = 0;  // slice
   for (auto at = flips_.begin(); at != flips_.end();) {
     const std::size_t n = at->slice();
     if (n >= static_cast<std::size_t>(layers)) break;
-    groups.clear();
+    its.clear();
     for (; at != flips_.end() && at->slice() == n; ++at) {
-      if ((at->kinds() & kind) != 0) add_to(groups, at->column, 0);
+      if ((at->kinds() & kind) != 0) its.push_back(*at);
     }
-    if (groups.empty()) continue;
+    if (its.empty()) continue;
     put_number(code, n - last);
-    put_groups(code, groups, false);
+    put_groups<false, Flip>(code, its, room);
     last = n;
   }
   return code;
 }
 
 std::vector<std::uint8_t> MomentChanges::code(int layers, int from) {
-  std::vector<std::uint8_t> code;
+  std::vector<std::uint8_t> code, room;
   const auto is_later = [&](const Change& c) { return static_cast<int>(c.slice()) >= from; };
   std::vector<Change> coded;
   std::ranges::copy_if(changes_, std::back_inserter(coded), is_later);
@@ -185,17 +184,15 @@ std::vector<std::uint8_t> MomentChanges::code(int layers, int from) {
   most_ = std::max(kMany, 2 * changes_.size());
   if (coded.empty()) return code;
   sort_told(coded);
-  std::vector<Group> groups;
   std::size_t last = 0;  // slice
-  for (auto at = coded.begin(); at != coded.end();) {
+  for (auto at = coded.begin(), past = at; at != coded.end(); at = past) {
     const std::size_t n = at->slice();
     if (n >= static_cast<std::size_t>(layers)) break;
-    groups.clear();
-    for (; at != coded.end() && at->slice() == n; ++at) add_to(groups, at->column, at->value());
+    for (past = at; past != coded.end() && past->slice() == n;) ++past;
     // What begins anew says so.
     if (code.empty()) put_number(code, 0);
     put_number(code, n - last);
-    put_groups(code, groups, true);
+    put_groups<true, Change>(code, {at, past}, room);
     last = n;
   }
   return code;
@@ -219,10 +216,10 @@ class KeptVoxels::Reader {
     const std::uint8_t* at = piece_.data() + at_;
     std::uint64_t column = 0;
     const auto width = static_cast<std::uint64_t>(box_.width());
-    std::uint64_t row = std::numeric_limits<std::uint64_t>::max();
+    std::uint64_t row_begin = 0, row_end = 0;
+    int y = box_.y0;
     runs_.clear();
     const auto flush = [&] {
-      const int y = box_.y0 + static_cast<int>(row);
       if (!runs_.empty() && valued_) tracker.set_delays(y, runs_);
       if (!runs_.empty() && !valued_) tracker.flip_row(y, runs_);
       runs_.clear();
@@ -233,12 +230,15 @@ class KeptVoxels::Reader {
       std::uint64_t length = head % 2 == 1 ? take_number(at) + 2 : 1;
       const std::uint64_t value = valued_ ? take_number(at) : 0;
       while (length > 0) {
-        if (column / width != row) {
+        if (column >= row_end) {
           flush();
-          row = column / width;
+          const std::uint64_t row = column / width;
+          y = box_.y0 + static_cast<int>(row);
+          row_begin = row * width;
+          row_end = row_begin + width;
         }
-        const std::uint64_t x = column % width, part = std::min(length, width - x);
-        const int begin = box_.x0 + static_cast<int>(x);
+        const std::uint64_t part = std::min(length, row_end - column);
+        const int begin = box_.x0 + static_cast<int>(column - row_begin);
         runs_.push_back(
             {begin, begin + static_cast<int>(part), static_cast<int>(value / 2), value % 2 == 1});
         column += part;
@@ -379,7 +379,7 @@ void KeptVoxels::follow_solids(const Followed& what, const PixelBox& box, int st
   for (std::size_t first = 0; first < bands_.size(); first += each) {
     const std::size_t past = std::min(first + each, bands_.size());
     ends.push_back(bands_[past - 1].y1 - box.y0);
-    rows.emplace_back(PixelBox{box.x0, bands_[first].y0, box.x1, bands_[past - 1].y1});
+    rows.emplace_back(PixelBox{box.x0, bands_[first].y0, box.x1, bands_[past - 1].y1}, false);
     readers.emplace_back(*this, what, first, past);
   }
   SolidStrips strips(ends, step, listener);

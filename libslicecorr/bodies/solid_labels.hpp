@@ -42,6 +42,11 @@ class SolidLabels {
   /// Its label among the bodies of all strips; kNone: it has not begun.
   Label& body(Label root) { return known_[root].body; }
   std::size_t size() const { return parent_.size(); }
+  /// Whether there are so many that those in use should be looked for in so many places: most have been
+  /// united by then.
+  bool many(std::size_t places) const {
+    return size() > 2 * kept_ + places / kPlacesOfLabel + kSpare;
+  }
 
   /// Of two roots that join in `step`, the one at hand or a later one, if that may be done before it comes.
   bool unite_early(Label a, Label b, int step) {
@@ -80,7 +85,8 @@ class SolidLabels {
       label = to[r];
     });
     known_ = std::move(known);
-    parent_.resize(known_.size());
+    kept_ = known_.size();
+    parent_.resize(kept_);
     for (std::size_t i = 0; i < parent_.size(); ++i) parent_[i] = static_cast<Label>(i);
   }
   /// Calls `take` with each root's body, if it has begun.
@@ -92,6 +98,10 @@ class SolidLabels {
   }
 
  private:
+  /// So many more than were in use are no reason to make room.
+  static constexpr std::size_t kSpare = 16384;
+  /// New labels pay for looking at so many places each.
+  static constexpr std::size_t kPlacesOfLabel = 4;
   struct Known {
     std::int32_t begins;  ///< step
     bool anchored;
@@ -99,6 +109,7 @@ class SolidLabels {
   };
   std::vector<Label> parent_;
   std::vector<Known> known_;  ///< of roots
+  std::size_t kept_ = 0;      ///< when room was made last
 };
 
 }  // namespace slicecorr::detail

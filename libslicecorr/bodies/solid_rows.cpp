@@ -11,7 +11,12 @@
 namespace slicecorr::detail {
 
 SolidRows::SolidRows(int first, int rows, int step)
-    : first_(first), step_(step), rows_(static_cast<std::size_t>(rows)), buckets_(1) {}
+    : first_(first),
+      step_(step),
+      log2_step_(std::countr_zero(static_cast<unsigned>(step))),
+      rows_(static_cast<std::size_t>(rows)),
+      edges_(kEdges),
+      buckets_(1) {}
 
 SolidRows::Bucket& SolidRows::of_step(int step) {
   const auto ahead = static_cast<std::size_t>(std::max(step, now_) - now_);
@@ -31,14 +36,21 @@ void SolidRows::join(Label a, Label b, int n) {
   if (a == b) return;
   a = labels_.root(a);
   b = labels_.root(b);
-  if (a != b && !labels_.unite_early(a, b, coming_step(n))) at(n).edges.push_back({a, b});
+  const int step = coming_step(n);
+  if (a == b || labels_.unite_early(a, b, step)) return;
+  // Two bodies that have not joined yet most often meet at many places.
+  if (a > b) std::swap(a, b);
+  Waits& last = edges_[(a * 31 + b) % kEdges];
+  if (last.edge.a == a && last.edge.b == b && last.step <= step) return;
+  last = {{a, b}, step};
+  of_step(step).edges.push_back({a, b});
 }
 
 void SolidRows::grow(Label label, const GrowingBodies::Patch& patch, int n, int sign) {
   Bucket& bucket = at(n);
   (sign > 0 ? bucket.grows : bucket.ends).push_back({label, patch});
   // Of its first and last step it has only a part.
-  if (const int before = n % step_; before > 0) {
+  if (const int before = n & (step_ - 1); before > 0) {
     of_step(step_of(n) + 1).sums.push_back({{label, patch}, -sign * before});
   }
 }

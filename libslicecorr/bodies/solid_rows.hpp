@@ -74,8 +74,8 @@ class SolidRows {
   void end();
 
   SolidLabels& labels() { return labels_; }
-  /// Runs and what waits: there may be twice as many labels.
-  std::size_t in_use() const { return runs_ + 2 * waiting_; }
+  /// Places that have labels: runs and what waits.
+  std::size_t labelled() const { return runs_ + waiting_; }
   bool waits() const { return waiting_ > 0; }
   /// What gels in the step at hand, of which all slices have ended.
   void gel_step(GrowingBodies& bodies);
@@ -100,6 +100,7 @@ class SolidRows {
         keep(e.b);
       }
     }
+    edges_.assign(kEdges, {});
   }
 
  private:
@@ -121,8 +122,14 @@ class SolidRows {
     int slices;
   };
   struct Edge {
-    Label a, b;
+    Label a = SolidLabels::kNone, b = SolidLabels::kNone;
   };
+  /// An edge, and the step for which it waits.
+  struct Waits {
+    Edge edge;
+    int step = 0;
+  };
+  static constexpr std::size_t kEdges = 4096;
   /// What happens in a step.
   struct Bucket {
     std::vector<Sum> sums;  ///< what gelled in the step before, but for that of `grows` and `ends`
@@ -136,7 +143,7 @@ class SolidRows {
   };
   class RowChange;
 
-  int step_of(int n) const { return n / step_; }
+  int step_of(int n) const { return n >> log2_step_; }
   /// The step of slice n or, if that is past, the one at hand.
   int coming_step(int n) const { return std::max(step_of(n), now_); }
   /// Of the step of slice n, or that at hand; something is put into it.
@@ -153,9 +160,10 @@ class SolidRows {
   void keep_edging(int row, bool changed, std::vector<Edging>& to) const;
 
   const int first_;
-  const int step_;  ///< slices
-  int slice_ = 0;   ///< the one at hand
-  int now_ = 0;     ///< step at hand
+  const int step_;  ///< slices, a power of two
+  const int log2_step_;
+  int slice_ = 0;  ///< the one at hand
+  int now_ = 0;    ///< step at hand
   SolidLabels labels_;
   std::vector<Row> rows_;
   bool upper_changed_ = false, lower_changed_ = false;
@@ -163,6 +171,7 @@ class SolidRows {
   Row next_;
   std::vector<Made> made_;
   std::vector<Beginning> new_;  ///< labels of the slice at hand
+  std::vector<Waits> edges_;    ///< some that wait, to find those that are there
   std::size_t runs_ = 0;
   std::vector<Bucket> buckets_;  ///< of steps from the one at hand on, a power of two of them
   std::size_t waiting_ = 0;      ///< in buckets

@@ -116,7 +116,7 @@ void SolidStrips::renumber() {
   std::size_t labels = 0;
   for (std::size_t i = 0; i < strips_.size(); ++i) {
     SolidRows& strip = strips_[i];
-    if (strip.labels().size() > 2 * strip.in_use() + kSpareLabels) {
+    if (strip.labels().many(strip.labelled())) {
       strip.labels().renumber([&](const auto& keep) {
         strip.keep_labels(keep);
         if (i > 0) {

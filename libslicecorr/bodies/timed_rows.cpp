@@ -34,13 +34,18 @@ void TimedRows::put_ends(std::span<const Run> runs) {
 
 void TimedRows::flip(int row, const Ends& its) {
   const auto at = static_cast<std::size_t>(row);
-  if (solid_.empty()) {
-    solid_.resize(static_cast<std::size_t>(box_.height()));
-    flipped_.resize(solid_.size());
+  if (flipped_.empty()) {
+    flipped_.resize(static_cast<std::size_t>(box_.height()));
+    if (keeps_solid_) solid_.resize(flipped_.size());
   }
-  for (Ends* const to : {&solid_[at], &flipped_[at]}) {
+  for (Ends* const to : {&flipped_[at], keeps_solid_ ? &solid_[at] : nullptr}) {
+    if (!to) continue;
+    if (to->empty()) {
+      to->assign(its.begin(), its.end());
+      continue;
+    }
     flip_ends(*to, its, ends_);
-    to->assign(ends_.begin(), ends_.end());
+    to->swap(ends_);
   }
   flipped_rows_.push_back(row);
 }

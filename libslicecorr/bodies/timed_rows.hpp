@@ -19,8 +19,9 @@ class TimedRows {
   using Run = BodyTracker::Run;
   /// Columns where something changes in a row, in rising order: 2k and 2k + 1 are the ends of run k.
   using Ends = std::vector<int>;
-  /// `box`: the rows.
-  explicit TimedRows(const PixelBox& box) : box_(box) {}
+  /// `box`: the rows. `keeps_solid`: `set_row` and `solid` are to be called.
+  explicit TimedRows(const PixelBox& box, bool keeps_solid = true)
+      : box_(box), keeps_solid_(keeps_solid) {}
 
   void set_row(int y, std::span<const Run> runs);
   void flip_row(int y, std::span<const Run> runs);
@@ -64,6 +65,7 @@ class TimedRows {
   void put_changes(const Ends* flips, std::span<const Timed> timed);
 
   const PixelBox box_;
+  const bool keeps_solid_;
   int slice_ = 0;                      ///< the one at hand
   std::vector<Ends> solid_, flipped_;  ///< by row; `flipped_`: in the slice at hand
   std::vector<int> flipped_rows_;      ///< may stand twice

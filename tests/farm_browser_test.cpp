@@ -10,6 +10,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "farm_scanned.hpp"
 #include "ladder.hpp"
 #include "slicecorr/stack.hpp"
 
@@ -587,6 +588,55 @@ TEST_F(Browser, OneSignInIsThatOfAllTabs) {
                 "new Promise((done) => { const other = new BroadcastChannel('slicecorr-farm'); "
                 "other.onmessage = (e) => done(e.data.token); other.postMessage({want: true}); })"),
             kSubmit);
+}
+
+TEST_F(Browser, AScanMakesTheNextPrint) {
+  const std::string scan = print_and_scan_hook(farm_);
+  // Prints before it, of which the last one lies beyond its band.
+  for (const double mean : {1.0, -0.5, 0.8, -1.0, 0.4, -0.2, 0.9, -0.6, 0.3, 0.1}) {
+    KeptScan s;
+    s.job = 1;
+    s.file = "monday <img src=x>.ply";
+    s.mean_um = mean;
+    s.mean_abs_um = 2 + mean / 4;
+    farm_.queue.add_scan(s);
+  }
+  serve();
+  open("/");
+  sign_in(kOperate);
+  page_->eval("showJob(1, true)");
+  page_->wait_for("!document.getElementById('scans').hidden");
+  // Another part is refused with what is left between both, where the person looks.
+  slicecorr::test::write_stl(farm_.root + "/ball.stl", slicecorr::test::sphere(1.9, 3));
+  page_->choose_files("#scan-file", {farm_.root + "/ball.stl"});
+  page_->wait_for("document.getElementById('said-here')");
+  EXPECT_THAT(page_->text("said-here"), AllOf(HasSubstr("nother part"), HasSubstr("um")));
+  page_->choose_files("#scan-file", {scan});
+  page_->wait_for(
+      "document.getElementById('scan-said').textContent.startsWith('The print is off by')");
+  page_->wait_for("document.getElementById('scan-list').textContent.includes('printed.ply')");
+  // It prints otherwise than those before: the page says so, with the chart.
+  page_->wait_for("document.getElementById('drifts').textContent.includes('beyond its band')");
+  page_->wait_for("document.querySelector('#drifts img').naturalWidth > 100");
+  EXPECT_EQ(page_->eval("document.querySelectorAll('#scan-list img').length"), 0);
+  pictures("drift");
+  for (int number = 1; number <= 10; ++number) {
+    farm_.queue.remove_scan(1, number, "pia");
+  }
+  page_->eval("look()");
+  page_->wait_for("document.querySelectorAll('#scan-list .scan').length === 1");
+  page_->click("#scan-next");
+  page_->wait_for(
+      "document.getElementById('next-said').textContent.includes('is queued, corrected')");
+  EXPECT_THAT(page_->text("next-said"), HasSubstr("Job 2"));
+  page_->eval(
+      "[...document.querySelectorAll('#next-said button')].find((b) => b.textContent === "
+      "'Add the resin').click()");
+  page_->wait_for("document.getElementById('next-said').textContent.includes('is there')");
+  pictures("scans");
+  page_->eval("showJob(2, true)");
+  page_->wait_for("document.getElementById('facts').textContent.includes('scans of job 1')");
+  EXPECT_THAT(page_->complaints(), IsEmpty());
 }
 
 }  // namespace

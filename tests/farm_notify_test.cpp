@@ -86,6 +86,22 @@ void wait_until_looking(const Farm& farm) {
   while (!fs::exists(farm.root + "/notify.json")) ::poll(nullptr, 0, 5);
 }
 
+TEST(Notify, APrintBeyondItsBandIsTold) {
+  Farm farm;
+  const JobId id = farm.submit({farm.job("hook")}).at(0);
+  ReadModel model(farm.folder.database(), farm.clock);
+  const std::int64_t before = model.summary().last_event;
+  farm.queue.add_event("scan_kept", "scan 9", id);
+  farm.queue.add_event("scan_beyond", "scan 9 lies beyond its band", id);
+  const Notices told = notices_since(model, "farm", before);
+  ASSERT_EQ(told.list.size(), 1U);
+  const json message = json::parse(told.list[0].json);
+  EXPECT_EQ(message["kind"], "scan_beyond");
+  EXPECT_EQ(message["job"], id);
+  EXPECT_EQ(message["name"], "hook");
+  EXPECT_THAT(message["text"].get<std::string>(), HasSubstr("beyond its band"));
+}
+
 TEST(Notify, WhatIsTold) {
   Farm farm;
   Receiver receiver;

@@ -584,14 +584,14 @@ TEST_F(FarmQueue, ARecordOfVersion1IsBroughtUp) {
     Queue q = open();
     submit(q, job_with_key("k"));
   }
-  for (const char* sql :
-       {"DROP TABLE tomo_works", "DROP TABLE tomo_results", "DROP TABLE stack_times",
-        "DROP TABLE stack_verdicts", "PRAGMA user_version = 1"}) {
+  for (const char* sql : {"DROP TABLE tomo_works", "DROP TABLE tomo_results",
+                          "DROP TABLE stack_times", "DROP TABLE stack_verdicts", "DROP TABLE scans",
+                          "DROP TABLE scan_nexts", "PRAGMA user_version = 1"}) {
     ASSERT_EQ(raw(sql), "");
   }
   // By whoever comes first, if only to read.
   EXPECT_EQ(ReadModel(path(), clock).jobs({}).at(0).name, "part");
-  EXPECT_THAT(rows("PRAGMA user_version"), ElementsAre("4"));
+  EXPECT_THAT(rows("PRAGMA user_version"), ElementsAre("5"));
   Queue q = open();
   NewJob tomo = job_with_key("t");
   tomo.work.voxel_angle_steps = 4'000'000;

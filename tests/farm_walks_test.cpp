@@ -1,12 +1,13 @@
 // SPDX-FileCopyrightText: 2026 The slicecorr authors
 // SPDX-License-Identifier: Apache-2.0
 
-// Five walks through a lab's pages, each with a mouse, on a phone in portrait, with keys alone and by what a reader
+// Six walks through a lab's pages, each with a mouse, on a phone in portrait, with keys alone and by what a reader
 // of screens has; at their ends axe finds nothing, where it is installed ($SLICECORR_AXE: axe.min.js).
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "farm_browser.hpp"
+#include "farm_scanned.hpp"
 #include "hand.hpp"
 #include "ladder.hpp"
 
@@ -134,6 +135,25 @@ TEST_P(Walk, JobsAndMachines) {
   hand_->press_named("#job-actions", "Print it");
   page_->wait_for("document.getElementById('bridges').textContent.includes('ended well')");
   end("farm");
+}
+
+TEST_P(Walk, AScanOfAPrint) {
+  const std::string scan = print_and_scan_hook(farm_);
+  begin("/", kSubmit);
+  page_->wait_for("document.querySelectorAll('#rows tr').length > 0");
+  hand_->press("#rows button.link");
+  page_->wait_for("!document.getElementById('scans').hidden");
+  hand_->choose("#scan-unit", "mm");
+  page_->choose_files("#scan-file", {scan});
+  page_->wait_for(
+      "document.getElementById('scan-said').textContent.startsWith('The print is off by')");
+  hand_->hears("#scan-said");
+  page_->wait_for("!document.getElementById('next-box').hidden");
+  end("scan");
+  hand_->press("#scan-list button");
+  page_->wait_for("document.getElementById('scan-list').textContent.includes('No print of this')");
+  EXPECT_EQ(page_->eval("document.getElementById('next-box').hidden"), true);
+  end("no scan");
 }
 
 TEST_P(Walk, AResinAndAPrinter) {

@@ -95,7 +95,7 @@ void take_key(const std::string& path, const std::string& group, const toml::key
           std::end(kNoticeKinds)) {
         wrong(path, value.source(),
               "on: expected job_failed, batch_done, queue_empty, disk_low, "
-              "machine_ended or machine_trouble");
+              "machine_ended, machine_trouble or scan_beyond");
       }
     }
   } else if (what == "timeout_s") {
@@ -238,8 +238,10 @@ Notices notices_since(ReadModel& model, const std::string& farm, std::int64_t af
       more = true;
       found.seen = e.seq;
       // The event's own words are the message.
-      for (const char* kind : {"disk_low", "machine_ended", "machine_trouble"}) {
-        if (e.kind == kind) found.list.push_back(make(farm, kind, e, e.text, Json::object()));
+      for (const char* kind : {"disk_low", "machine_ended", "machine_trouble", "scan_beyond"}) {
+        Json more = Json::object();
+        if (e.kind == "scan_beyond") more = {{"job", e.job}, {"name", e.name}};
+        if (e.kind == kind) found.list.push_back(make(farm, kind, e, e.text, std::move(more)));
       }
       if (e.kind != "done" && e.kind != "failed" && e.kind != "cancelled") continue;
       const auto job = model.job(e.job);

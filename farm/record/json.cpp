@@ -124,6 +124,29 @@ std::string attempt_json(const Attempt& a) {
   return dump(json);
 }
 
+std::string scan_json(const KeptScan& s) {
+  const Json json = {{"job", s.job},
+                     {"number", s.number},
+                     {"name", s.name},
+                     {"printer", s.printer},
+                     {"resin", s.resin},
+                     {"file", s.file},
+                     {"bytes", s.bytes},
+                     {"user", s.user},
+                     {"at_ms", s.at_ms},
+                     {"unit", s.unit},
+                     {"voxel_um", s.voxel_um},
+                     {"points", s.points},
+                     {"with_design", s.with_design},
+                     {"mean_um", s.mean_um},
+                     {"mean_abs_um", s.mean_abs_um},
+                     {"p95_abs_um", s.p95_um},
+                     {"max_abs_um", s.worst_um},
+                     {"unseen_share", s.unseen_share},
+                     {"words", in_words(s)}};
+  return dump(json);
+}
+
 std::string event_json(const FarmEvent& e) {
   Json json;
   json["seq"] = e.seq;

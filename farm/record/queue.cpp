@@ -225,7 +225,8 @@ std::vector<std::string> Queue::unneeded_inputs() {
   Rows r = db_->query(
       "SELECT file FROM inputs WHERE NOT EXISTS(SELECT 1 FROM work_inputs i "
       "JOIN jobs j ON j.key = i.key WHERE i.file = inputs.file "
-      "AND j.state IN ('queued', 'running')) AND added_ms < ?1",
+      "AND (j.state IN ('queued', 'running') OR EXISTS(SELECT 1 FROM scans s WHERE s.job = j.id "
+      "AND NOT s.removed))) AND added_ms < ?1",
       clock_->wall_ms() - kInputGraceMs);
   while (r.next()) files.push_back(r.text(0));
   return files;

@@ -8,7 +8,7 @@
 namespace slicecorr::farm::detail {
 
 /// PRAGMA user_version. A database with a higher number is refused; a lower one is brought up.
-inline constexpr int kSchemaVersion = 4;
+inline constexpr int kSchemaVersion = 5;
 
 /// PRAGMA kApplicationId, "SCFM": not every SQLite file is a farm.
 inline constexpr int kApplicationId = 0x5343464d;
@@ -191,6 +191,25 @@ inline constexpr const char* kSchemaOfVerdicts = R"sql(
 CREATE TABLE stack_verdicts(
   key TEXT PRIMARY KEY REFERENCES works(key), outcome TEXT NOT NULL, words TEXT NOT NULL)
   WITHOUT ROWID;
+)sql";
+
+/// What version 5 has besides, in the same way.
+inline constexpr const char* kSchemaOfScans = R"sql(
+-- Scans of prints, in the order in which they came. Deviations are those from what was predicted.
+CREATE TABLE scans(
+  id INTEGER PRIMARY KEY AUTOINCREMENT,
+  job INTEGER NOT NULL REFERENCES jobs(id), number INTEGER NOT NULL,
+  folder TEXT NOT NULL,                 -- below scans/, a random name
+  file TEXT NOT NULL, bytes INTEGER NOT NULL, user TEXT NOT NULL, at_ms INTEGER NOT NULL,
+  unit TEXT NOT NULL, voxel_um REAL NOT NULL, points INTEGER NOT NULL, with_design INTEGER NOT NULL,
+  mean_um REAL NOT NULL, mean_abs_um REAL NOT NULL, p95_um REAL NOT NULL, worst_um REAL NOT NULL,
+  unseen_share REAL NOT NULL,
+  removed INTEGER NOT NULL DEFAULT 0,   -- 1: its files are gone
+  UNIQUE(job, number));
+-- Jobs that were corrected with what scans of another one told.
+CREATE TABLE scan_nexts(
+  job INTEGER PRIMARY KEY REFERENCES jobs(id), of_job INTEGER NOT NULL REFERENCES jobs(id),
+  before_mean_um REAL NOT NULL, before_p95_um REAL NOT NULL, words TEXT NOT NULL);
 )sql";
 
 }  // namespace slicecorr::farm::detail

@@ -220,7 +220,8 @@ bool Api::read_shell(const std::string& path, httplib::Response& response) {
       {"common.js", &page_common_js},       {"live.js", &page_live_js},
       {"actions.js", &page_actions_js},     {"parts.js", &page_parts_js},
       {"plate.js", &page_plate_js},         {"print.js", &page_print_js},
-      {"materials.js", &page_materials_js}, {"machines.js", &page_machines_js}};
+      {"materials.js", &page_materials_js}, {"machines.js", &page_machines_js},
+      {"scans.js", &page_scans_js}};
   for (const auto& [name, text] : scripts) {
     if (path == std::string("/pages/") + name) {
       return shell(std::string(*text), "text/javascript; charset=utf-8");
@@ -284,6 +285,7 @@ void Api::read_farm(const std::string& what, const Asker& asker, Query& query,
                     httplib::Response& response) {
   if (what == "jobs") return list_jobs(query, response);
   if (what == "events") return list_events(query, response);
+  if (what.starts_with("drift")) return prints_wander(what, query, response);
   query.end();
   if (what == "overview") {
     return send(response, 200, overview_.get([&] {
@@ -360,7 +362,18 @@ void Api::job(JobId id, const std::vector<std::string>& rest, Query& query,
     query.end();
     std::string text = job_json(*job);
     text.pop_back();
-    return send(response, 200, text + R"(,"tries":)" + attempts_text() + "}", kJsonType);
+    Json after = nullptr;
+    if (const auto next = reader->next_of(id)) {
+      after = {{"job", next->of},
+               {"edges_mean_um", next->before_mean_um},
+               {"edges_p95_um", next->before_p95_um},
+               {"words", next->words}};
+    }
+    return send(response, 200,
+                text + R"(,"after_scans_of":)" +
+                    after.dump(-1, ' ', false, Json::error_handler_t::replace) + R"(,"tries":)" +
+                    attempts_text() + "}",
+                kJsonType);
   }
   if (rest.size() == 1 && rest[0] == "log") {
     const std::int64_t number = query.number("attempt", 0, 1, 1'000'000);
@@ -373,6 +386,11 @@ void Api::job(JobId id, const std::vector<std::string>& rest, Query& query,
                                           [&](const Attempt& a) { return a.number == number; });
     if (found == attempts.end()) throw ApiError(404, "not_found", "there is no such attempt");
     return send(response, 200, log_tail(folder_, *found, bytes), kTextType);
+  }
+  if (rest[0] == "scans") {
+    query.end();
+    return rest.size() == 1 ? list_scans(id, response)
+                            : scan_file(id, rest[1], rest.back(), response);
   }
   if (rest.size() == 2 && rest[0] == "files") {
     query.end();

@@ -9,12 +9,14 @@
 
 #include <chrono>
 #include <functional>
+#include <initializer_list>
 #include <memory>
 #include <mutex>
 #include <nlohmann/json.hpp>
 #include <semaphore>
 #include <set>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "serve/accounts.hpp"
@@ -85,6 +87,17 @@ class Api {
   MorningReport morning();
   void job(JobId id, const std::vector<std::string>& rest, Query& query,
            httplib::Response& response);
+  void list_scans(JobId id, httplib::Response& response);
+  void scan_file(JobId id, const std::string& number, const std::string& what,
+                 httplib::Response& response);
+  /// How prints that were scanned wander: as JSON, as a picture or a page of one printer and resin.
+  void prints_wander(const std::string& what, Query& query, httplib::Response& response);
+  void new_scan(const Job& job, const std::string& text, const Asker& asker,
+                httplib::Response& response);
+  void remove_scan(const Job& job, const std::string& number, const std::string& by,
+                   httplib::Response& response);
+  void next_print(const Job& job, const std::string& text, const Asker& asker,
+                  httplib::Response& response);
   static void file(const Job& job, const std::string& ending, httplib::Response& response);
   void upload(const std::string& name, const httplib::Request& request, httplib::Response& response,
               const httplib::ContentReader& body);
@@ -105,8 +118,9 @@ class Api {
   };
   static constexpr std::size_t kMostSubmissions = 2;
   void pause(bool pause, const std::string& by, httplib::Response& response);
-  void steer(JobId id, const std::string& what, const std::string& text, const Asker& asker,
-             httplib::Response& response);
+  /// `path`: of the request, from what is to be done with the job on.
+  void steer(JobId id, const std::vector<std::string>& path, const std::string& text,
+             const Asker& asker, httplib::Response& response);
   void set_priority(JobId id, const std::string& text, const std::string& by,
                     httplib::Response& response);
   void print(JobId id, const std::string& text, const std::string& by, httplib::Response& response);
@@ -147,6 +161,8 @@ void send_file(const std::string& path, std::int64_t bytes, const char* type,
 void send_json(httplib::Response& response, int status, const nlohmann::ordered_json& json);
 /// An object of JSON; throws `ApiError`.
 nlohmann::ordered_json parsed(const std::string& text);
+/// Refuses keys that a request does not take. Throws `ApiError`.
+void check_keys(const nlohmann::ordered_json& json, std::initializer_list<std::string_view> known);
 /// Throws `ApiError`.
 [[noreturn]] void not_there();
 

@@ -91,7 +91,9 @@ void Api::change(const httplib::Request& request, httplib::Response& response,
     Query(request).end();
     const std::string text = whole_body(request, body);
     if (what == "pause" || what == "resume") return pause(what == "pause", by, response);
-    if (what == "jobs") return steer(id_of(path[3]), path[4], text, asker, response);
+    if (what == "jobs") {
+      return steer(id_of(path[3]), {path.begin() + 4, path.end()}, text, asker, response);
+    }
     if (what == "studies" && path.size() == 3) return start_study(text, asker, response);
     if (what == "studies") {
       studies_.cancel(path[3], asker);
@@ -186,12 +188,18 @@ Job Api::job_of(JobId id, const Asker& asker) {
   return *std::move(job);
 }
 
-void Api::steer(JobId id, const std::string& what, const std::string& text, const Asker& asker,
-                httplib::Response& response) {
+void Api::steer(JobId id, const std::vector<std::string>& path, const std::string& text,
+                const Asker& asker, httplib::Response& response) {
+  const std::string& what = path[0];
   const std::string by = asker.name.empty() ? "api" : asker.name;
   const Job job = job_of(id, asker);
   if (what == "priority") return set_priority(id, text, by, response);
   if (what == "print") return print(id, text, by, response);
+  if (what == "next") return next_print(job, text, asker, response);
+  if (what == "scans") {
+    return path.size() == 1 ? new_scan(job, text, asker, response)
+                            : remove_scan(job, path[1], by, response);
+  }
   Queue queue(folder_.database(), *options_.clock);
   if (what == "cancel") {
     switch (queue.cancel(id, by)) {

@@ -60,14 +60,6 @@ bool flag_of(const Json& json, const char* key) {
   return value->get<bool>();
 }
 
-void check_keys(const Json& json, std::initializer_list<std::string_view> known) {
-  for (const auto& item : json.items()) {
-    if (std::find(known.begin(), known.end(), item.key()) == known.end()) {
-      throw ApiError(400, "json", "has a key that this request does not take");
-    }
-  }
-}
-
 /// An answer to a question of `resinctl new-printer`, on one line.
 std::string answer_of(const Json& json, const char* key, bool required) {
   const auto value = json.find(key);
@@ -82,6 +74,14 @@ std::string answer_of(const Json& json, const char* key, bool required) {
 }
 
 }  // namespace
+
+void check_keys(const Json& json, std::initializer_list<std::string_view> known) {
+  for (const auto& item : json.items()) {
+    if (std::find(known.begin(), known.end(), item.key()) == known.end()) {
+      throw ApiError(400, "json", "has a key that this request does not take");
+    }
+  }
+}
 
 std::string Api::ask_program(std::vector<std::string> arguments, const std::string& input,
                              const std::string& folder) {

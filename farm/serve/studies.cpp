@@ -9,6 +9,7 @@
 #include <filesystem>
 
 #include "programs/common/program.hpp"
+#include "scans/beside.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/farm/queue.hpp"
 #include "slicecorr/farm/token.hpp"
@@ -37,14 +38,6 @@ void remove_left_over(const std::string& folder) {
   }
 }
 
-/// The last line of what a program said that holds something.
-std::string last_line(const std::string& text) {
-  const std::size_t end = text.find_last_not_of(" \r\n");
-  if (end == std::string::npos) return {};
-  const std::size_t line = text.find_last_of("\r\n", end);
-  return text.substr(line == std::string::npos ? 0 : line + 1, end - (line + 1) + 1);
-}
-
 }  // namespace
 
 std::string without_folders(std::string text, const FarmFolder& folder) {
@@ -71,10 +64,7 @@ std::string without_folders(std::string text, const FarmFolder& folder) {
 
 std::string program_path(const ChildRules& rules, const std::string& name) {
   if (!rules.programs.empty()) return rules.programs + "/" + name;
-  std::error_code error;
-  const fs::path own = fs::read_symlink("/proc/self/exe", error);
-  if (error) throw DeviceError("/proc/self/exe: can't be read: " + error.message());
-  return (own.parent_path() / name).string();
+  return beside_this_program(name);
 }
 
 CommandLimits child_limits(const ChildRules& rules, const std::string& folder) {
@@ -85,11 +75,7 @@ CommandLimits child_limits(const ChildRules& rules, const std::string& folder) {
 
 std::string told_by(const CommandResult& result, const FarmFolder& folder) {
   if (result.timed_out) return "took too long, and was ended";
-  std::string text = last_line(result.err);
-  // "slicecorr: message": who reads it in a browser has no programs.
-  for (const char* program : {"slicecorr: ", "resinctl: ", "slicefarm: ", "printbridge: "}) {
-    if (text.starts_with(program)) text.erase(0, std::string(program).size());
-  }
+  std::string text = last_said(result);
   if (text.empty()) text = result.complaint();
   return text::printable(without_folders(text, folder));
 }

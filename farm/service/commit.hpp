@@ -33,5 +33,7 @@ std::vector<std::string> ended_attempt_folders(const FarmFolder& folder, Queue& 
 /// Files among the stored inputs that the record does not know: a submission failed, or was killed.
 /// The caller must hold an exclusive `InputLock` (`InputLock::alone`).
 std::vector<std::string> stray_inputs(const FarmFolder& folder, Queue& queue);
+/// Folders of scans that no record names, a day old or more.
+std::vector<std::string> stray_scans(const FarmFolder& folder, Queue& queue);
 
 }  // namespace slicecorr::farm::detail

@@ -79,6 +79,22 @@ std::vector<std::string> detail::ended_attempt_folders(const FarmFolder& folder,
   return list;
 }
 
+std::vector<std::string> detail::stray_scans(const FarmFolder& folder, Queue& queue) {
+  // A scan that is being measured lies in its folder before the record knows it.
+  constexpr auto grace = std::chrono::hours(24);
+  std::vector<std::string> list;
+  std::error_code error;
+  const auto now = fs::file_time_type::clock::now();
+  for (fs::directory_iterator it(folder.root + "/scans", error), end; !error && it != end;
+       it.increment(error)) {
+    std::error_code no_time;
+    const auto changed = fs::last_write_time(it->path(), no_time);
+    if (no_time || now - changed < grace) continue;
+    if (!queue.knows_scan(it->path().filename().string())) list.push_back(it->path());
+  }
+  return list;
+}
+
 GcTotals collect_garbage(const FarmFolder& folder, Queue& queue, const GcOptions& options) {
   GcTotals totals;
   const std::int64_t now = system_clock().wall_ms();
@@ -118,6 +134,7 @@ GcTotals collect_garbage(const FarmFolder& folder, Queue& queue, const GcOptions
     const std::string token = name.substr(name.rfind('.') + 1);
     if (!queue.attempt_is_open(token)) leftovers.push_back(it->path());
   }
+  for (std::string& path : detail::stray_scans(folder, queue)) leftovers.push_back(std::move(path));
   for (const std::string& path : leftovers) {
     ++totals.leftovers;
     totals.bytes += size_of(path);

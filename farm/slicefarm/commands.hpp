@@ -29,6 +29,7 @@ void add_control_commands(cli::Program& program);  ///< cancel, retry, set, paus
 void add_status_commands(cli::Program& program);   ///< status, logs
 void add_follow_commands(cli::Program& program);   ///< watch, report, serve, notify
 void add_serve_commands(cli::Program& program);    ///< serve, notify
+void add_scan_commands(cli::Program& program);     ///< scan, scans, next
 void add_machine_commands(cli::Program& program);  ///< machines ...
 
 /// Who works here: $USER, else the account's name.

@@ -18,6 +18,7 @@ int main(int argc, char** argv) {
   farm::add_status_commands(program);
   farm::add_follow_commands(program);
   farm::add_control_commands(program);
+  farm::add_scan_commands(program);
   farm::add_machine_commands(program);
   program.examples({
       {"run", "slicefarm run --until-empty"},
@@ -32,6 +33,9 @@ int main(int argc, char** argv) {
       {"retry", "slicefarm retry 12"},
       {"priority", "slicefarm priority 12 --to 5 --ready-by 07:00"},
       {"set", "slicefarm set night=20:00-07:00 user-running=2"},
+      {"scan", "slicefarm scan 12 scan.ply --unit mm"},
+      {"scans", "slicefarm scans --html drift.html"},
+      {"next", "slicefarm next 12"},
       {"pause", "slicefarm pause"},
       {"drain", "slicefarm drain"},
       {"resume", "slicefarm resume"},

@@ -512,7 +512,7 @@ class Preparation {
         }
         chosen.layer_heights_um = cli::adaptive_heights_of(mesh, r.leave_alone, r.adaptive_um).um();
       }
-      w.setup = resolve_setup(chosen, nullptr, nullptr,
+      w.setup = resolve_setup(chosen, r.like.get(), r.like.get(),
                               r.as_options ? ChoiceNames::options : ChoiceNames::fields);
     } else {
       const StackInfo info = StackReader::read_info(r.parts[0]);
@@ -525,7 +525,7 @@ class Preparation {
       }
       SetupChoices chosen = r.setup;
       chosen.layer_heights_um.clear();  // a default for meshes
-      w.setup = resolve_setup(chosen, nullptr, &info,
+      w.setup = resolve_setup(chosen, r.like.get(), r.like ? r.like.get() : &info,
                               r.as_options ? ChoiceNames::options : ChoiceNames::fields);
     }
     if (r.robust && r.uncertain.empty()) {

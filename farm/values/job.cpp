@@ -100,6 +100,15 @@ std::string Job::output(const std::string& ending) const {
   return (std::filesystem::path(output_folder) / (name + "." + ending)).string();
 }
 
+std::string in_words(const KeptScan& s) {
+  const std::string side = std::abs(s.mean_um) < 0.005 ? "neither too much nor too little"
+                           : s.mean_um > 0 ? fmt::format("too much by {:.2f} um", s.mean_um)
+                                           : fmt::format("too little by {:.2f} um", -s.mean_um);
+  return fmt::format(
+      "off by {:.2f} um in the mean ({}), 95 % within {:.2f} um, {:.1f} um at the worst place",
+      s.mean_abs_um, side, s.p95_um, s.worst_um);
+}
+
 std::string stack_of(const Job& job) {
   if (job.state != JobState::done) {
     throw InputError(

@@ -5,6 +5,7 @@
 
 #include <cmath>
 
+#include "slicecorr/farm/scans.hpp"
 #include "slicecorr/version.hpp"
 #include "support/metrics/exposition.hpp"
 
@@ -13,6 +14,24 @@ namespace slicecorr::farm {
 namespace {
 
 constexpr double kBytesPerMb = 1 << 20;
+
+/// Of each printer and resin what its last print that was scanned says.
+void add_scans(const std::vector<PrintsOverTime>& all, cli::Exposition& t) {
+  const auto each = [&](const char* name, const char* what, auto value) {
+    t.begin(name, "gauge", what);
+    for (const PrintsOverTime& p : all) {
+      t.value(value(p), {{"printer", p.printer}, {"resin", p.resin}});
+    }
+  };
+  each("scans", "Scans of prints that are kept.",
+       [](const PrintsOverTime& p) { return static_cast<double>(p.scans.size()); });
+  each("scan_mean_um", "Mean deviation of the last print that was scanned; above 0: too much.",
+       [](const PrintsOverTime& p) { return p.scans.back().mean_um; });
+  each("scan_mean_abs_um", "Mean absolute deviation of the last print that was scanned.",
+       [](const PrintsOverTime& p) { return p.scans.back().mean_abs_um; });
+  each("scan_beyond", "1: the last print that was scanned lies beyond the band of those before.",
+       [](const PrintsOverTime& p) { return beyond_in_words(p).empty() ? 0.0 : 1.0; });
+}
 
 }  // namespace
 
@@ -80,6 +99,7 @@ std::string metrics_text(ReadModel& model, const FarmFolder& folder, const FarmC
         o.settings.draining);
   t.one("night_window_open", "gauge", "1: jobs may start at this time of day.",
         in_night_window(o.settings, local_minute(o.now_ms)));
+  add_scans(prints_over_time(model), t);
   return t.text();
 }
 

@@ -388,6 +388,12 @@ MorningReport read_morning(const FarmFolder& folder, ReadModel& model,
   read_worst(db, options, r);
   read_jobs(db, options, r);
   db.execute("COMMIT");
+  r.scanned = prints_over_time(model);
+  std::erase_if(r.scanned, [&](const PrintsOverTime& p) {
+    return std::none_of(p.scans.begin(), p.scans.end(), [&](const KeptScan& s) {
+      return s.at_ms >= r.from_ms && s.at_ms < r.until_ms;
+    });
+  });
   return r;
 }
 

@@ -186,6 +186,28 @@ Markup tomographic(const MorningReport& r, const LinkTo& links) {
                 how_many(r.tomographic, r.tomographic_done));
 }
 
+/// What scans of the time say, and whether prints wander.
+Markup scanned(const MorningReport& r) {
+  if (r.scanned.empty()) return {};
+  Markup beyond;
+  Table table("jobs", "Scans of prints");
+  table.columns("Print", "printer", "resin", "mean", "mean absolute", "95 % within", "worst",
+                "when");
+  for (const PrintsOverTime& p : r.scanned) {
+    const std::string words = beyond_in_words(p);
+    if (!words.empty()) beyond += markup(R"(<p class="holds">{}.</p>)", words);
+    for (const KeptScan& s : p.scans) {
+      if (s.at_ms < r.from_ms || s.at_ms >= r.until_ms) continue;
+      const bool last = &s == &p.scans.back();
+      table.row(fmt::format("{} {}, scan {}", s.job, s.name, s.number), s.printer, s.resin);
+      table.cell(fmt::format("{:+.2f} um", s.mean_um), last && !words.empty() ? "bad" : "");
+      table.cells(fmt::format("{:.2f} um", s.mean_abs_um), fmt::format("{:.2f} um", s.p95_um),
+                  fmt::format("{:.1f} um", s.worst_um), time_of_day(r, s.at_ms));
+    }
+  }
+  return markup("<h2>Scans of prints</h2>{}{}", beyond, table);
+}
+
 /// A column of the table of all jobs, and the order that a reader may ask for.
 struct JobColumn {
   const char *name, *title;
@@ -410,6 +432,7 @@ std::string morning_page(const MorningReport& r, const LinkTo& links) {
   page += failures(r);
   page += worst(r, links);
   page += tomographic(r, links);
+  page += scanned(r);
   page += all_jobs(r, links);
   if (r.attempts == 0 && r.done == 0) {
     page += markup("<h2>Disk</h2>{}", disk(r));
@@ -465,6 +488,8 @@ std::string morning_json(const MorningReport& r) {
   for (const Job& j : r.jobs)
     json["jobs"].push_back(slicecorr::detail::own_json<Json>(job_json(j)));
   json["with_defects"] = r.with_defects;
+  json["scanned"] =
+      slicecorr::detail::own_json<Json>(prints_over_time_json(r.scanned)).at("prints");
   json["slot_ms"] = r.slot_ms;
   json["slots"] = Json::array();
   for (const auto& s : r.slots) {

@@ -169,6 +169,16 @@ std::string ScanDrift::to_text() const {
   return text;
 }
 
+std::string ScanDrift::to_svg() const {
+  chart::Picture picture("Deviation over prints",
+                         "Deviation of each print with the band of those that were settled.");
+  picture.legend_point(0, "a print");
+  picture.legend_band(chart::Style::fit,
+                      "three standard deviations of prints that follow each other");
+  for (const DriftBand& band : bands) picture.add(panel_of(band, prints));
+  return picture.svg();
+}
+
 std::string ScanDrift::to_page() const {
   page::Page page("Deviation over prints", {page::page_tiles_css});
   page::Tiles tiles;
@@ -176,13 +186,7 @@ std::string ScanDrift::to_page() const {
   tiles.add(last_is_beyond() ? "beyond" : "within", "the last print and its band",
             last_is_beyond() ? "bad" : "good");
   page += tiles;
-  chart::Picture picture("Deviation over prints",
-                         "Deviation of each print with the band of those that were settled.");
-  picture.legend_point(0, "a print");
-  picture.legend_band(chart::Style::fit,
-                      "three standard deviations of prints that follow each other");
-  for (const DriftBand& band : bands) picture.add(panel_of(band, prints));
-  page += page::drawing(picture.svg());
+  page += page::drawing(to_svg());
   page::Table table;
   table.columns("print", "mean, um", "mean absolute, um", "95 % within, um");
   for (const DriftPrint& p : prints) {

@@ -99,7 +99,8 @@ function link(path, words, label, download) {
     event.preventDefault();
     const tab = download ? window : window.open('about:blank');
     if (tab && !download) tab.opener = null;
-    change('api/v1/tickets', {path: '/' + path}).then((t) => { tab.location.href = here(t.path); }, tell);
+    const [bare, query] = path.split('?');
+    change('api/v1/tickets', {path: '/' + bare}).then((t) => { tab.location.href = here(t.path + (query ? '&' + query : '')); }, tell);
   });
   return a;
 }
@@ -206,9 +207,9 @@ async function begin(start) {
 // What programs say, in the words of a page.
 let pageWords = (text) => text;
 
-// Starts a study and follows it to its end; `box` says how far it is, with a button to cancel it.
-async function study(request, box) {
-  let s = await change('api/v1/studies', request);
+// Starts a study and follows it to its end; `box` says how far it is, with a button to cancel it. `at`: what it is asked of.
+async function study(request, box, at = 'api/v1/studies') {
+  let s = await change(at, request);
   const words = el('span', '', 'dim'), stop = button('Cancel', () => change('api/v1/studies/' + s.study + '/cancel'));
   box.replaceChildren(words, ' ', stop);
   while (s.state === 'waiting' || s.state === 'running') {

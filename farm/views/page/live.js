@@ -158,8 +158,9 @@ async function showJob(id, go) {
   facts($('facts'), [['State', j.state + (j.reason ? ' (' + j.reason + ')' : '') + (j.from_cache ? ', from the cache' : '')], ['Message', plain(j.message)],
     ['Parts', j.parts.map((p) => p.split('/').pop()).join(', ')], ['Printer, resin', j.printer + ', ' + j.resin], ['User', j.user], ['Labels', j.labels.join(', ')],
     ['Comes to', j.figures && j.figures.verdict ? j.figures.verdict.words : ''], ['Print', j.figures ? (j.figures.height_error_um ? timeWords(j.figures) : tomoWords(j.figures)) : ''], ['Priority', String(j.priority)], ['Ready by', j.ready_by_ms === null ? '' : minute(j.ready_by_ms)],
-    ['Submitted', moment(j.submitted_ms)], ['Ended', j.ended_ms ? moment(j.ended_ms) : ''], ['Report', report]]);
+    ['Submitted', moment(j.submitted_ms)], ['Ended', j.ended_ms ? moment(j.ended_ms) : ''], ['Report', report], ['After scans', afterScans(j)]]);
   jobActions(j);
+  await jobScans(j, may('operate') || (may('submit') && j.user === me.name));
   $('tries').replaceChildren(...j.tries.map((a) => el('p', 'Attempt ' + a.number + ', ' + a.engine + (a.node ? ' on ' + a.node : '') + ', ' + moment(a.started_ms) + ': '
     + (a.ended_ms ? (a.reason || 'done') + ' after ' + duration((a.ended_ms - a.started_ms) / 1000) + (a.message ? ', ' + plain(a.message) : '') : a.phase))));
   $('log').textContent = j.tries.length ? plain(await (await ask('api/v1/jobs/' + id + '/log?bytes=20000')).text()) : 'not tried yet';
@@ -194,7 +195,7 @@ async function look() {
   farmActions(o);
   if (o.last_event !== lastEvent) {
     lastEvent = o.last_event;
-    await Promise.all([table(), events(), shown ? showJob(shown, false) : null]);
+    await Promise.all([table(), events(), wander(), shown ? showJob(shown, false) : null]);
   }
   if (Date.now() - drawn > 15000) {
     drawn = Date.now();

@@ -211,6 +211,8 @@ struct ScanDrift {
   std::string to_json() const;
   std::string to_text() const;
   std::string to_page() const;
+  /// The chart of the page alone.
+  std::string to_svg() const;
 };
 /// `prints` in their order, three or more; `settled`: 0: all. Throws where these are fewer, or not all measured against
 /// the same.

@@ -11,6 +11,7 @@
 ///       out/ cache/ab/KEY/         results by key: stack.*, report.html, figures.json
 ///     logs/ID-N.txt         logs of attempts that have ended
 ///     results/ID/           outputs of jobs that named no folder
+///     scans/TOKEN/          a scan of a print: file/NAME as it came, comparison.json, comparison.html
 ///
 /// Plain values; all functions are thread-safe, and safe against other processes.
 #pragma once
@@ -30,6 +31,7 @@ struct FarmFolder {
   std::string input(const std::string& file) const;
   std::string log(long long job, int number) const;
   std::string results(long long job) const;
+  std::string scan(const std::string& token) const { return root + "/scans/" + token; }
 };
 
 /// `$XDG_STATE_HOME/slicecorr/farm`, or `~/.local/state/slicecorr/farm`.

@@ -175,11 +175,41 @@ struct FarmEvent {
   /// submitted, started, done, failed, cancelled, retried, put_back, reprioritised,
   /// paused, resumed, draining, settings, service_started, service_stopped, service_lost,
   /// disk_low, disk_ok, night_ended, night_began, gc, cache_damaged, machine_began, machine_ended,
-  /// machine_trouble
+  /// machine_trouble, scan_kept, scan_removed, scan_beyond
   std::string kind;
   std::string text;  ///< for people
   Reason reason = Reason::none;
   std::string name{};  ///< the job's
+};
+
+/// A scan of a print, kept beside the job's results. Deviations are those from what the stack was
+/// predicted to print (scan.hpp): above 0 too much was printed.
+struct KeptScan {
+  JobId job = 0;
+  int number = 0;      ///< of the job's, from 1
+  std::string folder;  ///< below scans/ of the farm, a random name
+  std::string file;    ///< name of the scan as it came
+  std::int64_t bytes = 0;
+  std::string user;
+  std::int64_t at_ms = 0;   ///< when it was kept
+  std::string unit = "mm";  ///< in which its numbers were taken
+  double voxel_um = 0;      ///< side of a voxel, of volumes; else 0
+  std::int64_t points = 0;
+  bool with_design = false;  ///< it was measured against the design, too
+  double mean_um = 0, mean_abs_um = 0, p95_um = 0, worst_um = 0;  ///< the last three are >= 0
+  double unseen_share = 0;                                        ///< of the surface, 0..1
+  /// Of its job, where it was read from the record.
+  std::string name, printer, resin;
+};
+/// "off by 3.1 um in the mean (too much by 1.2 um), 95 % within 8.0 um, 43 um at the worst place".
+std::string in_words(const KeptScan& scan);
+
+/// A job that was corrected with what scans of another one told.
+struct NextPrint {
+  JobId job = 0, of = 0;
+  /// How far edges along z of that print are off, as it is understood now.
+  double before_mean_um = 0, before_p95_um = 0;
+  std::string words;  ///< what tuning said, lines of plain text
 };
 
 /// A service that runs, or did. Times are wall-clock ms.

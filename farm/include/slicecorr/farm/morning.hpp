@@ -16,6 +16,7 @@
 
 #include "slicecorr/farm/folder.hpp"
 #include "slicecorr/farm/read_model.hpp"
+#include "slicecorr/farm/scans.hpp"
 #include "slicecorr/farm/status.hpp"
 
 namespace slicecorr::farm {
@@ -79,8 +80,9 @@ struct MorningReport {
   double working_s = 0;      ///< while at least one attempt ran
   int cores = 0;             ///< of the machines whose services were there in the time
 
-  std::int64_t delivered_bytes = 0;  ///< files of jobs that were done in the time
-  std::int64_t inputs_bytes = 0;     ///< in the store now
+  std::int64_t delivered_bytes = 0;     ///< files of jobs that were done in the time
+  std::int64_t inputs_bytes = 0;        ///< in the store now
+  std::vector<PrintsOverTime> scanned;  ///< printers and resins of which a scan came in the time
 };
 
 /// With 100,000 jobs in the time this takes a second or two.

@@ -24,7 +24,8 @@ namespace slicecorr::farm {
 
 /// What can be told.
 inline constexpr const char* kNoticeKinds[] = {"job_failed", "batch_done",    "queue_empty",
-                                               "disk_low",   "machine_ended", "machine_trouble"};
+                                               "disk_low",   "machine_ended", "machine_trouble",
+                                               "scan_beyond"};
 
 /// Who is told.
 struct NotifyTarget {

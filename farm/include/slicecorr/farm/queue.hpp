@@ -144,6 +144,9 @@ struct Rates {
   int samples = 0;            ///< attempts measured
 };
 
+/// Most scans of one job.
+inline constexpr int kMostScansOfJob = 100;
+
 class Queue {
  public:
   /// Opens or makes the database. `clock` must outlive this.
@@ -224,6 +227,16 @@ class Queue {
   /// Whether the record has this file of the store, or an unfinished job needs it.
   bool knows_input(const std::string& file);
   void forget_input(const std::string& file);
+
+  // --- scans ------------------------------------------------------------------------------------
+  /// Records a scan whose files are in place, with an event; gives its number, from 1 in each job.
+  /// Throws `InputError` where the job has as many as it may.
+  int add_scan(const KeptScan& scan);
+  /// False: there is none, or it was removed before.
+  bool remove_scan(JobId job, int number, const std::string& by);
+  void record_next(const NextPrint& next);
+  /// Whether the record has a scan in this folder that was not removed.
+  bool knows_scan(const std::string& folder);
 
   /// Number of the last event.
   std::int64_t last_event();

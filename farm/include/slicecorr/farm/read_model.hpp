@@ -112,6 +112,12 @@ class ReadModel {
   std::vector<FarmEvent> last_events(std::int64_t limit);
   std::vector<Reasons> failures();
   std::vector<AttemptTotals> attempt_totals();
+  /// Scans that were not removed, oldest first; `job` 0: of all.
+  std::vector<KeptScan> scans(JobId job = 0);
+  /// What a job was corrected with, where scans told it.
+  std::optional<NextPrint> next_of(JobId job);
+  /// What a job does, as JSON: its `WorkSpec` and its setup. Empty texts where there is no such job.
+  std::pair<std::string, std::string> work_of(JobId job);
   std::vector<Service> services();
   FarmSettings settings();
   std::vector<std::string> users();
@@ -126,6 +132,8 @@ class ReadModel {
 /// What `status --json` and the REST API give.
 std::string job_json(const Job& job);
 std::string attempt_json(const Attempt& attempt);
+/// Without `folder` and `file`'s place: those who ask know names.
+std::string scan_json(const KeptScan& scan);
 std::string event_json(const FarmEvent& event);
 std::string summary_json(const Summary& summary, const FarmSettings& settings,
                          const std::vector<Service>& services);

@@ -21,6 +21,7 @@
 #include "slicecorr/parallel.hpp"
 #include "slicecorr/plate.hpp"
 #include "slicecorr/setup.hpp"
+#include "slicecorr/stack.hpp"
 
 namespace slicecorr::farm {
 
@@ -79,6 +80,8 @@ struct JobRequest {
   std::vector<std::string> labels;
   std::string user;     ///< empty: who submits
   std::string machine;  ///< of machines.toml, which is to print it; empty: none
+  /// A stack that is printed again: its process holds where `setup` says nothing. Null: none.
+  std::shared_ptr<const StackInfo> like;
 };
 
 /// Makes the paths of a request absolute, from the present folder.

@@ -579,19 +579,82 @@ TEST_F(FarmQueue, ForeignAndNewerDatabasesAreRefusedByName) {
   EXPECT_THROW(Queue((dir / "no") + "/such/folder"), DeviceError);
 }
 
+TEST_F(FarmQueue, AListThatTheDiskChangedIsNoDefectOfTheProgram) {
+  Queue q = open();
+  submit(q, job_with_key("k"));
+  ASSERT_EQ(raw("UPDATE jobs SET parts = '[\"a' || char(1)"), "");
+  try {
+    ReadModel(path(), clock).jobs({});
+    FAIL() << "read";
+  } catch (const InputError& e) {
+    EXPECT_THAT(e.what(), testing::AllOf(HasSubstr(path()), HasSubstr("damaged")));
+  }
+}
+
+TEST_F(FarmQueue, ManyJobsAreListedByTheirIndexesAndCountedByTriggers) {
+  Queue q = open();
+  std::vector<NewJob> jobs;
+  for (int i = 0; i < 60; ++i) {
+    NewJob j = job_with_key(fmt::format("k{}", i), fmt::format("part-{}", i), i % 2 ? "a" : "b");
+    if (i % 3 == 0) j.labels = {"rush", "rush"};
+    j.priority = i % 4;
+    jobs.push_back(j);
+  }
+  q.submit(jobs, "a", "test");
+  ReadModel model(path(), clock);
+  // Against a look at all of them.
+  const std::vector<Job> all = model.jobs({});
+  ASSERT_EQ(all.size(), 60U);
+  using Order = JobFilter::Order;
+  for (const std::string user : {"", "a", "b"}) {
+    for (const std::string label : {"", "rush", "none"}) {
+      for (const Order order : {Order::id, Order::newest, Order::urgency}) {
+        for (const std::int64_t offset : {0, 7}) {
+          JobFilter f;
+          f.states = {JobState::queued};
+          if (order != Order::urgency && label.empty() && offset == 0) f.states.clear();
+          f.user = user;
+          f.label = label;
+          f.order = order;
+          f.offset = offset;
+          std::vector<Job> want;
+          for (const Job& j : all) {
+            const bool labelled = label.empty() || (!j.labels.empty() && label == "rush");
+            if ((user.empty() || j.user == user) && labelled) want.push_back(j);
+          }
+          EXPECT_EQ(model.count(f), static_cast<std::int64_t>(want.size()));
+          std::sort(want.begin(), want.end(), [&](const Job& x, const Job& y) {
+            if (order == Order::newest) return x.id > y.id;
+            if (order == Order::urgency && x.priority != y.priority) return x.priority > y.priority;
+            return x.id < y.id;
+          });
+          want.erase(want.begin(),
+                     want.begin() + std::min<std::ptrdiff_t>(offset, std::ssize(want)));
+          std::vector<JobId> ids, wanted;
+          for (const Job& j : model.jobs(f)) ids.push_back(j.id);
+          for (const Job& j : want) wanted.push_back(j.id);
+          EXPECT_EQ(ids, wanted) << user << " " << label << " " << static_cast<int>(order);
+        }
+      }
+    }
+  }
+}
+
 TEST_F(FarmQueue, ARecordOfVersion1IsBroughtUp) {
   {
     Queue q = open();
     submit(q, job_with_key("k"));
   }
-  for (const char* sql : {"DROP TABLE tomo_works", "DROP TABLE tomo_results",
-                          "DROP TABLE stack_times", "DROP TABLE stack_verdicts", "DROP TABLE scans",
-                          "DROP TABLE scan_nexts", "PRAGMA user_version = 1"}) {
+  for (const char* sql :
+       {"DROP TABLE tomo_works", "DROP TABLE tomo_results", "DROP TABLE stack_times",
+        "DROP TABLE stack_verdicts", "DROP TABLE scans", "DROP TABLE scan_nexts",
+        "DROP INDEX jobs_in_state", "DROP INDEX jobs_of_user", "DROP INDEX jobs_queued_of_user",
+        "DROP TRIGGER jobs_labelled", "DROP TABLE job_labels", "PRAGMA user_version = 1"}) {
     ASSERT_EQ(raw(sql), "");
   }
   // By whoever comes first, if only to read.
   EXPECT_EQ(ReadModel(path(), clock).jobs({}).at(0).name, "part");
-  EXPECT_THAT(rows("PRAGMA user_version"), ElementsAre("5"));
+  EXPECT_THAT(rows("PRAGMA user_version"), ElementsAre("6"));
   Queue q = open();
   NewJob tomo = job_with_key("t");
   tomo.work.voxel_angle_steps = 4'000'000;

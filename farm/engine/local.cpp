@@ -24,6 +24,7 @@
 
 #include "slicecorr/error.hpp"
 #include "slicecorr/farm/engine.hpp"
+#include "support/files/errno_message.hpp"
 #include "values/process_mark.hpp"
 
 namespace slicecorr::farm {
@@ -48,8 +49,11 @@ std::int64_t number_in(const std::string& path) {
   return file ? value : -1;
 }
 
+/// Throws `DeviceError`: who does not know how much is free would wait for it for ever.
 std::int64_t available_memory_mb() {
-  std::ifstream file("/proc/meminfo");
+  constexpr const char* path = "/proc/meminfo";
+  std::ifstream file(path);
+  if (!file) throw DeviceError(slicecorr::detail::errno_message(path, "can't be read"));
   std::string name;
   std::int64_t kb = 0, available = 0;
   for (std::string unit; file >> name >> kb; std::getline(file, unit)) {

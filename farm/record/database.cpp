@@ -154,6 +154,7 @@ void Database::migrate() {
   if (version < 3) execute(kSchemaOfTimes);
   if (version < 4) execute(kSchemaOfVerdicts);
   if (version < 5) execute(kSchemaOfScans);
+  if (version < 6) execute(kSchemaOfLongQueues);
   execute(fmt::format("PRAGMA application_id = {}", kApplicationId).c_str());
   execute(fmt::format("PRAGMA user_version = {}", kSchemaVersion).c_str());
   transaction.commit();

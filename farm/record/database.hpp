@@ -32,6 +32,8 @@ class Rows {
   std::int64_t integer(int column) const;
   double number(int column) const;
   std::string text(int column) const;
+  /// Of the database, for messages.
+  const std::string& path() const { return path_; }
 
  private:
   sqlite3* db_;

@@ -179,7 +179,7 @@ std::optional<ResultRecord> Queue::cached(const std::string& key) {
       key);
   if (!r.next()) return std::nullopt;
   ResultRecord result;
-  result.files = detail::parse_files(r.text(0));
+  result.files = detail::parse_files(r, 0);
   result.program = r.text(1);
   result.wall_s = r.number(2);
   ResultFigures& f = result.figures;

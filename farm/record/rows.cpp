@@ -14,6 +14,24 @@ namespace slicecorr::farm::detail {
 
 using Json = nlohmann::json;
 
+namespace {
+
+/// What `read` makes of a list that we wrote; empty where nothing was.
+template <class Read>
+auto from_json(const Rows& row, int column, const Read& read) {
+  const std::string text = row.text(column);
+  using Result = decltype(read(Json()));
+  if (text.empty()) return Result();
+  try {
+    return read(slicecorr::detail::own_json<Json>(text));
+  } catch (const Json::exception&) {
+    throw InputError(row.path(), "",
+                     "is damaged: a list in it can't be read; expected the database of a farm");
+  }
+}
+
+}  // namespace
+
 const std::string kSelectJobs =
     "SELECT j.id, j.batch, j.state, j.reason, j.message, j.name, j.user, j.labels, j.priority, "
     "j.ready_by_ms, j.key, j.follows, j.parts, w.kind, w.printer, w.resin, w.format, "
@@ -56,12 +74,12 @@ Job read_job(const Rows& r) {
   j.message = r.text(++c);
   j.name = r.text(++c);
   j.user = r.text(++c);
-  j.labels = parse_list(r.text(++c));
+  j.labels = parse_list(r, ++c);
   j.priority = static_cast<int>(r.integer(++c));
   j.ready_by_ms = r.integer(++c);
   j.key = r.text(++c);
   j.follows = r.integer(++c);
-  j.parts = parse_list(r.text(++c));
+  j.parts = parse_list(r, ++c);
   j.kind = r.text(++c);
   j.printer = r.text(++c);
   j.resin = r.text(++c);
@@ -79,7 +97,7 @@ Job read_job(const Rows& r) {
   j.submitted_ms = r.integer(++c);
   j.started_ms = r.integer(++c);
   j.ended_ms = r.integer(++c);
-  j.files = parse_files(r.text(++c));
+  j.files = parse_files(r, ++c);
   if (!r.null(++c)) {
     ResultFigures f;
     f.layers = static_cast<int>(r.integer(c));
@@ -143,9 +161,9 @@ std::string list_json(const std::vector<std::string>& list) {
   return Json(list).dump(-1, ' ', false, Json::error_handler_t::replace);
 }
 
-std::vector<std::string> parse_list(const std::string& json) {
-  return json.empty() ? std::vector<std::string>{}
-                      : slicecorr::detail::own_json<Json>(json).get<std::vector<std::string>>();
+std::vector<std::string> parse_list(const Rows& row, int column) {
+  return from_json(row, column,
+                   [](const Json& json) { return json.get<std::vector<std::string>>(); });
 }
 
 std::string files_json(const std::vector<ResultFile>& files) {
@@ -156,12 +174,12 @@ std::string files_json(const std::vector<ResultFile>& files) {
   return list.dump();
 }
 
-std::vector<ResultFile> parse_files(const std::string& json) {
-  std::vector<ResultFile> files;
-  if (json.empty()) return files;
-  for (const Json& f : slicecorr::detail::own_json<Json>(json))
-    files.push_back({f.at("ending"), f.at("bytes"), f.at("sha256")});
-  return files;
+std::vector<ResultFile> parse_files(const Rows& row, int column) {
+  return from_json(row, column, [](const Json& json) {
+    std::vector<ResultFile> files;
+    for (const Json& f : json) files.push_back({f.at("ending"), f.at("bytes"), f.at("sha256")});
+    return files;
+  });
 }
 
 }  // namespace slicecorr::farm::detail

@@ -33,8 +33,9 @@ Attempt read_attempt(const Rows& row);
 FarmSettings read_settings(Database& db);
 
 std::string list_json(const std::vector<std::string>& list);
-std::vector<std::string> parse_list(const std::string& json);
+/// Of a column of a row. Throw `InputError` naming the record where its bytes were changed.
+std::vector<std::string> parse_list(const Rows& row, int column);
 std::string files_json(const std::vector<ResultFile>& files);
-std::vector<ResultFile> parse_files(const std::string& json);
+std::vector<ResultFile> parse_files(const Rows& row, int column);
 
 }  // namespace slicecorr::farm::detail

@@ -8,7 +8,7 @@
 namespace slicecorr::farm::detail {
 
 /// PRAGMA user_version. A database with a higher number is refused; a lower one is brought up.
-inline constexpr int kSchemaVersion = 5;
+inline constexpr int kSchemaVersion = 6;
 
 /// PRAGMA kApplicationId, "SCFM": not every SQLite file is a farm.
 inline constexpr int kApplicationId = 0x5343464d;
@@ -210,6 +210,19 @@ CREATE TABLE scans(
 CREATE TABLE scan_nexts(
   job INTEGER PRIMARY KEY REFERENCES jobs(id), of_job INTEGER NOT NULL REFERENCES jobs(id),
   before_mean_um REAL NOT NULL, before_p95_um REAL NOT NULL, words TEXT NOT NULL);
+)sql";
+
+/// What version 6 has besides: with a million queued jobs lists come in the time of a few rows.
+inline constexpr const char* kSchemaOfLongQueues = R"sql(
+CREATE INDEX jobs_in_state ON jobs(state);
+CREATE INDEX jobs_of_user ON jobs(user, id, state);
+CREATE INDEX jobs_queued_of_user ON jobs(user, priority DESC, ready_by_ms, id) WHERE state = 'queued';
+-- The labels of jobs, which never change.
+CREATE TABLE job_labels(label TEXT NOT NULL, job INTEGER NOT NULL, PRIMARY KEY(label, job)) WITHOUT ROWID;
+INSERT OR IGNORE INTO job_labels SELECT e.value, j.id FROM jobs j, json_each(j.labels) e;
+CREATE TRIGGER jobs_labelled AFTER INSERT ON jobs WHEN new.labels <> '[]' BEGIN
+  INSERT OR IGNORE INTO job_labels SELECT value, new.id FROM json_each(new.labels);
+END;
 )sql";
 
 }  // namespace slicecorr::farm::detail

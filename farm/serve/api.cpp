@@ -327,9 +327,15 @@ void Api::list_jobs(Query& query, httplib::Response& response) {
   query.end();
   Reader reader(*this);
   const ReadModel::Snapshot snapshot(*reader);
-  std::string text = fmt::format(R"({{"total":{},"limit":{},"offset":{},"jobs":[)",
-                                 reader->count(filter), filter.limit, filter.offset);
-  for (const Job& j : reader->jobs(filter)) add_item(text, job_json(j));
+  const std::vector<Job> jobs = reader->jobs(filter);
+  // What fits is counted already: to search a name means to look at all of them.
+  const auto found = static_cast<std::int64_t>(jobs.size());
+  const bool all =
+      filter.offset == 0 && found < filter.limit && filter.order != JobFilter::Order::worst_height;
+  const std::int64_t total = all ? found : reader->count(filter);
+  std::string text = fmt::format(R"({{"total":{},"limit":{},"offset":{},"jobs":[)", total,
+                                 filter.limit, filter.offset);
+  for (const Job& j : jobs) add_item(text, job_json(j));
   return send(response, 200, text + "]}", kJsonType);
 }
 

@@ -6,7 +6,9 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <filesystem>
+#include <system_error>
 
 #include "service/service_loop.hpp"
 #include "slicecorr/farm/store.hpp"
@@ -24,6 +26,17 @@ namespace {
 constexpr std::int64_t kOvertakingMs = 120'000;
 /// Cache hits and followers are served for so long at a time, so that nothing else has to wait.
 constexpr std::int64_t kServingMs = 300;
+
+/// Room comes back by itself, and is waited for. That no more files may be open is a limit of this service: after some
+/// attempts the job fails, and says so.
+Reason why_not_ordered(const std::string& message) {
+  for (const int error : {EMFILE, ENFILE}) {
+    if (message.find(std::generic_category().message(error)) != std::string::npos) {
+      return Reason::device_failed;
+    }
+  }
+  return Reason::disk_full;
+}
 
 }  // namespace
 
@@ -148,9 +161,9 @@ std::optional<Task> ServiceLoop::order(const Claim& claim, const EngineCapacity&
     fs::create_directories(attempt_folder);
     write_order(attempt_folder, o);
   } catch (const fs::filesystem_error& e) {
-    return refuse(Reason::disk_full, e.what());
+    return refuse(why_not_ordered(e.what()), e.what());
   } catch (const DeviceError& e) {
-    return refuse(Reason::disk_full, e.what());
+    return refuse(why_not_ordered(e.what()), e.what());
   }
   tell_service_stage("ordered");
   Task task;

@@ -8,6 +8,7 @@
 #include <netinet/in.h>
 #include <poll.h>
 #include <sys/eventfd.h>
+#include <sys/resource.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
@@ -29,6 +30,25 @@ thread_local GuardedStream* stream_here = nullptr;
 thread_local bool turned_away_here = false;
 
 constexpr std::size_t kBufferBytes = 16 << 10;
+/// Connections that the system keeps until they are accepted. Who is accepted is answered, or told to come again.
+constexpr int kMostToAccept = 1024;
+/// Files that a server opens for itself, and at most for each request: its record and what it sends.
+constexpr rlim_t kOwnFiles = 24, kFilesOfRequest = 6;
+
+/// A server that may open no file more can't even accept who comes, and would let them wait without a word.
+void check_most_files(const ConnectionLimits& limits) {
+  rlimit most{};
+  if (::getrlimit(RLIMIT_NOFILE, &most) != 0) return;
+  const auto wanted = kOwnFiles + kFilesOfRequest * static_cast<rlim_t>(limits.threads) +
+                      static_cast<rlim_t>(limits.most_waiting);
+  if (most.rlim_cur < wanted) {
+    most.rlim_cur = std::min(wanted, most.rlim_max);
+    ::setrlimit(RLIMIT_NOFILE, &most);
+  }
+  if (most.rlim_cur >= wanted) return;
+  throw DeviceError(fmt::format("to serve, {} files at a time are wanted, and {} are allowed: {}",
+                                wanted, most.rlim_cur, std::strerror(EMFILE)));
+}
 
 std::chrono::steady_clock::duration seconds(double s) {
   return std::chrono::duration_cast<std::chrono::steady_clock::duration>(
@@ -282,6 +302,7 @@ GuardedServer::GuardedServer(const ConnectionLimits& limits)
 GuardedServer::~GuardedServer() { ::close(stop_fd_); }
 
 int GuardedServer::bind(const std::string& host, int port) {
+  check_most_files(limits_);
   set_tcp_nodelay(true);
   // Not SO_REUSEPORT, which httplib sets: a second server would get half of the connections.
   set_socket_options([](socket_t socket) {
@@ -304,8 +325,10 @@ int GuardedServer::bind(const std::string& host, int port) {
     throw DeviceError(fmt::format(
         "{}:{} can't be listened to: in use, or no address of this machine", host, port));
   }
-  if (port > 0) return port;
-  throw DeviceError(host + " can't be listened to: no address of this machine");
+  if (port <= 0) throw DeviceError(host + " can't be listened to: no address of this machine");
+  // httplib lets five wait to be accepted: of sixty who come at once the others waited for seconds, some for a minute.
+  ::listen(svr_sock_, kMostToAccept);
+  return port;
 }
 
 void GuardedServer::stop_now() {

@@ -117,7 +117,9 @@ MemoryNeeds tomo_memory_needs(const tomo::Bench& bench, tomo::Method method) {
   const double field = 4.0 * static_cast<double>(grid.voxels_of_block()) / kMb;  // of a block
   // Light and dose as they are, the best of both, and what the next step makes of them; then part and
   // target, a byte each; grey levels are half as large as light.
-  const double all = blocks * (4 * light + 5 * field) + kTomoProgramMb;
+  // Weights of traced light are kept for pixels and for groups of them.
+  const double all = blocks * (4 * light + 5 * field) + kTomoProgramMb +
+                     2 * tomo::bytes_of_weights(bench) / (1024 * 1024);
   const double thread =
       method == tomo::Method::ladder ? 16 * light + 4 * field : 2 * light + 2 * field;
   return {static_cast<std::int64_t>(1.5 * (all + thread)) + 1,

@@ -11,6 +11,7 @@
 #include "slicecorr/cure.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/vial.hpp"
+#include "slicecorr/vial_outline.hpp"
 
 namespace slicecorr::bridge {
 namespace {
@@ -79,6 +80,9 @@ void check_job(const tomo::TomoJob& job, const std::string& path, const Machine&
         text += fmt::format(", a second wall of {:g} to {:g} mm, indices {:g} and {:g}",
                             p.vial->jacket_inner_mm, p.vial->jacket_outer_mm, p.vial->n_between,
                             p.vial->n_jacket);
+      }
+      if (p.vial->traced()) {
+        text += fmt::format(", shape {}, {} rods", name_of(p.vial->shape), p.vial->rods.size());
       }
       return text;
     };

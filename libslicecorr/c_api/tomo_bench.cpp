@@ -103,7 +103,9 @@ std::unique_ptr<slicecorr_tomo_bench> bench_of_setup(const slicecorr_setup& setu
     throw InputError(fmt::format("slices is {}; expected 1 to {}", slices, tomo::kMostAlongAxis));
   }
   if (sampling.angles <= 0) {
-    const double radius_mm = std::min(reach_mm(printer, index_of(resin)), printer.vial->inner_mm);
+    const double radius_mm = printer.vial->traced() ? printer.vial->inner_mm
+                                                    : std::min(reach_mm(printer, index_of(resin)),
+                                                               printer.vial->inner_mm);
     sampling.angles = tomo::usual_angles(printer, radius_mm, sampling.voxel_mm);
   }
   auto bench = std::make_unique<slicecorr_tomo_bench>();

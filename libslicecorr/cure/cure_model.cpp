@@ -14,6 +14,7 @@
 #include "slicecorr/gel_time.hpp"
 #include "slicecorr/light_spreads.hpp"
 #include "slicecorr/supports.hpp"
+#include "slicecorr/turbidity.hpp"
 #include "slicecorr/units.hpp"
 
 namespace slicecorr {
@@ -378,6 +379,7 @@ std::vector<Feature> features_of(const CureModel& model) {
 
 CureModel make_cure_model(const Printer& printer, const Resin& resin, const Process& process,
                           double layer_um, const PlaceLight& light) {
+  refuse_turbidity(resin, "printing slice by slice");
   if (!process.lamp_share.empty() || !process.uv_lamp_share.empty()) {
     return make_cure_model(printer, resin, as_lamp_shines(process), layer_um, light);
   }

@@ -7,6 +7,7 @@
 #include "slicecorr/error.hpp"
 #include "slicecorr/flow.hpp"
 #include "slicecorr/light_unit.hpp"
+#include "slicecorr/turbidity.hpp"
 #include "slicecorr/units.hpp"
 
 namespace slicecorr {
@@ -31,6 +32,7 @@ FlowResin flow_resin(const Resin& resin, const std::string& source) {
         "is missing; resin flow needs the dynamic viscosity of the liquid resin, Pa·s");
   }
   refuse_bleaching(resin, "flowing resin");
+  refuse_turbidity(resin, "flowing resin");
   refuse_relative(resin, "resin flow");
   FlowResin flowing{make_kinetics(resin, resin.inhibition.has_value(), true), resin.viscosity_pa_s,
                     resin.dose_diffusion_m2_s, resin.inhibitor_life_s};

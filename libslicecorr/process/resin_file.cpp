@@ -16,6 +16,7 @@
 #include "slicecorr/light_unit.hpp"
 #include "slicecorr/process.hpp"
 #include "slicecorr/same_light.hpp"
+#include "slicecorr/turbidity.hpp"
 #include "slicecorr/units.hpp"
 #include "support/files/text_file.hpp"
 #include "support/toml/toml_table.hpp"
@@ -317,6 +318,7 @@ Resin parse_resin(std::string_view text, const std::string& source,
   resin.inhibition_resupply_mj_cm3_s = light.inhibition_resupply_mj_cm3_s;
   resin.dose_diffusion_m2_s = light.dose_diffusion_m2_s;
   resin.scatter_um2_per_um = light.scatter_um2_per_um;
+  resin.turbidity = light.turbidity;
   resin.viscosity_pa_s = light.viscosity_pa_s;
   if (const auto strength = cure.number("green_strength", 1, 10, true)) {
     resin.green_strength = *strength;
@@ -358,6 +360,7 @@ Resin parse_resin(std::string_view text, const std::string& source,
   }
   resin.shrinkage = shrinkage_of(root);
   resin.chemistry = detail::chemistry_keys(root, cure, resin.viscosity_pa_s);
+  if (resin.chemistry) refuse_turbidity(resin, "a resin with [chemistry]");
   return with_overrides(std::move(resin), overrides);
 }
 

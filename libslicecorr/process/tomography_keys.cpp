@@ -14,6 +14,7 @@
 #include "slicecorr/error.hpp"
 #include "slicecorr/units.hpp"
 #include "slicecorr/vial.hpp"
+#include "slicecorr/vial_outline.hpp"
 #include "support/text/csv.hpp"
 
 namespace slicecorr::detail {
@@ -41,29 +42,142 @@ constexpr Uncounted kOfOptics[] = {
     {"n_window", "a window's index stands in [bath]; expected n_wall there"}};
 constexpr Uncounted kOfRotation[] = {
     {"lit_share", "frames are taken to be lit for the whole of their step; expected none"}};
-constexpr Uncounted kOfTurbidResin[] = {
-    {"extinction_per_cm",
-     "light that a resin sends far to the side or back is in no dose; expected what absorbs alone "
-     "(absorption_per_cm), and scatter_um2_per_um for what goes on forward"},
-    {"albedo", "light that a resin sends far to the side or back is in no dose; expected none"},
-    {"anisotropy",
-     "light that a resin sends far to the side or back is in no dose; expected none"}};
-
 double index(const TomlTable& table, const char* key, double fallback) {
   return table.number(key, 1, 3, true).value_or(fallback);
 }
 
+struct NumbersOfRow {
+  std::vector<double> numbers;
+  std::string path, place;
+};
+/// Rows of a CSV file of numbers, beside the file that names it.
+std::vector<NumbersOfRow> numbers_of(const TomlTable& table, const char* key,
+                                     const std::string& file, const char* expected) {
+  std::filesystem::path path = file;
+  if (path.is_relative()) path = std::filesystem::path(table.source()).parent_path() / path;
+  std::error_code ec;
+  if (!std::filesystem::is_regular_file(path, ec)) {
+    table.fail(key, fmt::format("{} is not a file that can be read", path.string()));
+  }
+  std::vector<NumbersOfRow> rows;
+  CsvReader reader =
+      CsvReader::of_text(read_text_file(path.string()), path.string(), {.skip_empty_rows = true});
+  bool first = true;
+  for (CsvRow row; reader.next(row); first = false) {
+    std::vector<double> numbers;
+    for (const std::string& cell : row.cells) {
+      if (const auto number = number_in_text(cell)) numbers.push_back(*number);
+    }
+    if (first && numbers.empty() && row.fault == CsvRow::Fault::none) continue;  // header
+    if (numbers.size() != row.cells.size() || row.fault != CsvRow::Fault::none) {
+      throw InputError(path.string(), reader.place(), std::string("expected ") + expected);
+    }
+    rows.push_back({std::move(numbers), path.string(), reader.place()});
+  }
+  return rows;
+}
+
+/// A key that is a list of lists of `count` numbers; nothing where it is not there.
+std::vector<std::vector<double>> lists_of(const TomlTable& table, const char* key,
+                                          std::size_t count, const char* expected) {
+  const toml::node* node = table.node(key);
+  std::vector<std::vector<double>> all;
+  if (!node) return all;
+  const auto* list = node->as_array();
+  if (!list || list->empty()) table.fail(key, std::string("expected ") + expected);
+  for (const auto& element : *list) {
+    const auto* numbers = element.as_array();
+    if (!numbers || numbers->size() != count) table.fail(key, std::string("expected ") + expected);
+    std::vector<double> row;
+    for (const auto& number : *numbers) {
+      const auto value = number.value<double>();
+      if (!number.is_number() || !std::isfinite(*value) || std::abs(*value) > 1e4) {
+        table.fail(key, std::string("expected ") + expected);
+      }
+      row.push_back(*value);
+    }
+    all.push_back(std::move(row));
+  }
+  return all;
+}
+
+std::vector<FlatPoint> outline_of(const TomlTable& table) {
+  const char* const key = "outline";
+  const char* const expected = "[[x_mm, y_mm], ...] of the outer face, or a .csv file of x_mm,y_mm";
+  const toml::node* node = table.node(key);
+  if (!node) table.fail(key, std::string("missing; expected ") + expected);
+  std::vector<FlatPoint> corners;
+  if (!node->is_string()) {
+    for (const std::vector<double>& row : lists_of(table, key, 2, expected)) {
+      corners.push_back({row[0], row[1]});
+    }
+    return corners;
+  }
+  for (const NumbersOfRow& row : numbers_of(table, key, **node->as_string(), "x_mm,y_mm")) {
+    if (row.numbers.size() != 2 || !(std::hypot(row.numbers[0], row.numbers[1]) <= 1e4)) {
+      throw InputError(row.path, row.place, "expected x_mm,y_mm");
+    }
+    corners.push_back({row.numbers[0], row.numbers[1]});
+  }
+  return corners;
+}
+
+std::vector<Rod> rods_of(const TomlTable& table) {
+  std::vector<Rod> rods;
+  const auto add = [&](const char* key, double least, double most, const char* expected) {
+    for (const std::vector<double>& row : lists_of(table, key, 4, expected)) {
+      if (!(row[2] > 0) || !(row[3] >= least && row[3] <= most)) {
+        table.fail(key, fmt::format("[{:g}, {:g}, {:g}, {:g}]: expected {}", row[0], row[1], row[2],
+                                    row[3], expected));
+      }
+      rods.push_back({row[0], row[1], row[2], least > 0 ? row[3] : 0, least > 0 ? 0 : row[3]});
+    }
+  };
+  add("glass_rods", 1, 3, "[[x_mm, y_mm, diameter_mm, index from 1 to 3], ...]");
+  add("metal_rods", 0, 1, "[[x_mm, y_mm, diameter_mm, share reflected from 0 to 1], ...]");
+  return rods;
+}
+
 Vial vial_of(const TomlTable& table) {
   Vial vial;
-  vial.outer_mm = table.required_number("outer_mm", 0, 1e4);
-  vial.inner_mm = table.required_number("inner_mm", 0, 1e4);
   const std::string shape = table.text("shape", "round");
-  if (shape != "round") {
-    table.fail("shape",
-               fmt::format("is '{}', and light through flat walls that turn with the vial is "
-                           "not counted; expected \"round\"",
-                           shape));
+  for (const VialShape s : {VialShape::round, VialShape::square, VialShape::outline}) {
+    if (shape == name_of(s)) vial.shape = s;
   }
+  if (shape != name_of(vial.shape)) {
+    table.fail("shape",
+               fmt::format("is '{}'; expected \"round\", \"square\" or \"outline\"", shape));
+  }
+  struct OfShapes {
+    const char* key;
+    bool round, square, outline;
+  };
+  constexpr OfShapes of_shapes[] = {
+      {"outer_mm", true, false, false},        {"inner_mm", true, false, false},
+      {"side_mm", false, true, false},         {"wall_mm", false, true, true},
+      {"corner_mm", false, true, false},       {"outline", false, false, true},
+      {"jacket_outer_mm", true, false, false}, {"jacket_inner_mm", true, false, false}};
+  for (const OfShapes& of : of_shapes) {
+    const bool goes = vial.shape == VialShape::round    ? of.round
+                      : vial.shape == VialShape::square ? of.square
+                                                        : of.outline;
+    if (!goes && table.has(of.key)) {
+      table.fail(of.key, fmt::format("is not of a vial of shape \"{}\"; expected none", shape));
+    }
+  }
+  if (vial.shape == VialShape::round) {
+    vial.outer_mm = table.required_number("outer_mm", 0, 1e4);
+    vial.inner_mm = table.required_number("inner_mm", 0, 1e4);
+  } else {
+    if (vial.shape == VialShape::square) {
+      vial.side_mm = table.required_number("side_mm", 0, 1e4);
+      vial.corner_mm = table.number("corner_mm", 0, 1e4, true).value_or(0);
+    } else {
+      vial.outline = outline_of(table);
+    }
+    vial.wall_mm = table.required_number("wall_mm", 0, 1e4);
+  }
+  vial.rods = rods_of(table);
   vial.n_outside = index(table, "n_outside", vial.n_outside);
   vial.n_wall = index(table, "n_wall", vial.n_wall);
   vial.jacket_outer_mm = table.number("jacket_outer_mm", 0, 1e4).value_or(0);
@@ -74,6 +188,8 @@ Vial vial_of(const TomlTable& table) {
   }
   vial.n_between = index(table, "n_between", vial.n_between);
   vial.n_jacket = index(table, "n_jacket", vial.n_jacket);
+  if (const auto wrong = wrong_outline(vial)) table.fail(wrong->key, wrong->words);
+  set_radii(vial);
   if (const auto wrong = wrong_vial(vial)) table.fail(wrong->key, wrong->words);
   return vial;
 }
@@ -120,38 +236,23 @@ Optics optics_of(const TomlTable& table, const Printer& printer) {
 
 /// The rows of a file: angle, columns to the right, and rows upwards where they are given.
 std::vector<AxisWobble> wobble_of(const TomlTable& table, const std::string& file) {
-  std::filesystem::path path = file;
-  if (path.is_relative()) path = std::filesystem::path(table.source()).parent_path() / path;
-  std::error_code ec;
-  if (!std::filesystem::is_regular_file(path, ec)) {
-    table.fail("wobble", fmt::format("{} is not a file that can be read", path.string()));
-  }
+  const char* const expected = "angle_deg,right_px or angle_deg,right_px,up_px";
   std::vector<AxisWobble> wobble;
-  CsvReader reader =
-      CsvReader::of_text(read_text_file(path.string()), path.string(), {.skip_empty_rows = true});
-  bool first = true;
-  for (CsvRow row; reader.next(row); first = false) {
-    std::vector<double> numbers;
-    for (const std::string& cell : row.cells) {
-      if (const auto number = number_in_text(cell)) numbers.push_back(*number);
-    }
-    if (first && numbers.empty() && row.fault == CsvRow::Fault::none) continue;  // header
-    if (numbers.size() != row.cells.size() || numbers.size() < 2 || numbers.size() > 3 ||
-        row.fault != CsvRow::Fault::none) {
-      throw InputError(path.string(), reader.place(),
-                       "expected angle_deg,right_px or angle_deg,right_px,up_px");
+  for (auto& [numbers, path, place] : numbers_of(table, "wobble", file, expected)) {
+    if (numbers.size() < 2 || numbers.size() > 3) {
+      throw InputError(path, place, std::string("expected ") + expected);
     }
     numbers.resize(3, 0);
     const AxisWobble w{numbers[0], numbers[1], numbers[2]};
     constexpr double most_px = 1e4;
     if (!(std::abs(w.right_px) <= most_px && std::abs(w.up_px) <= most_px)) {
-      throw InputError(path.string(), reader.place(),
+      throw InputError(path, place,
                        fmt::format("the axis moves by [{:g}, {:g}] pixels; expected at most {:g}",
                                    w.right_px, w.up_px, most_px));
     }
     if (!(w.angle_deg >= 0 && w.angle_deg < 360) ||
         (!wobble.empty() && w.angle_deg <= wobble.back().angle_deg)) {
-      throw InputError(path.string(), reader.place(),
+      throw InputError(path, place,
                        fmt::format("the angle is {:g}; expected angles that rise, from 0 to below "
                                    "360",
                                    w.angle_deg));
@@ -159,7 +260,7 @@ std::vector<AxisWobble> wobble_of(const TomlTable& table, const std::string& fil
     wobble.push_back(w);
   }
   if (wobble.empty()) {
-    table.fail("wobble", path.string() + " has no rows; expected angle_deg,right_px");
+    table.fail("wobble", file + " has no rows; expected angle_deg,right_px");
   }
   return wobble;
 }
@@ -209,6 +310,41 @@ double absorbance_height10(const TomlTable& table) {
   table.fail("absorbance_base", "expected 10 or \"e\"");
 }
 
+namespace {
+
+/// `home` says in which table a key stands.
+template <class Home>
+std::optional<Turbidity> turbidity_of(const Home& home) {
+  const char* const keys[] = {"extinction_per_cm", "albedo", "anisotropy"};
+  if (!home(keys[0]).has(keys[0])) {
+    for (const char* key : {keys[1], keys[2]}) {
+      if (home(key).has(key))
+        home(key).fail(key, "is of a turbid resin; expected extinction_per_cm too");
+    }
+    return std::nullopt;
+  }
+  Turbidity t;
+  t.extinction_per_cm = home(keys[0]).required_number(keys[0], 0, 1e6);
+  const auto albedo = home(keys[1]).number(keys[1], 0, 0.9999, true);
+  if (!albedo)
+    home(keys[1]).fail(keys[1], "missing; expected the share of extinction that scatters");
+  t.albedo = *albedo;
+  if (t.albedo == 0) return t;
+  const auto g = home(keys[2]).number(keys[2], 0.9, 0.995, true);
+  if (!g) {
+    home(keys[2]).fail(keys[2],
+                       "missing; expected the mean cosine of scattering, from 0.9 to 0.995: "
+                       "what goes farther to the side is not counted");
+  }
+  t.anisotropy = *g;
+  if (home("scatter_um2_per_um").has("scatter_um2_per_um")) {
+    home(keys[0]).fail(keys[0], "stands beside scatter_um2_per_um; expected one of both");
+  }
+  return t;
+}
+
+}  // namespace
+
 LightKeys light_keys(const TomlTable& root, const TomlTable& cure) {
   const auto home = [&](const char* key) -> const TomlTable& {
     if (root.has(key) && cure.has(key)) {
@@ -216,11 +352,21 @@ LightKeys light_keys(const TomlTable& root, const TomlTable& cure) {
     }
     return root.has(key) ? root : cure;
   };
-  refuse(root, kOfTurbidResin);
-  refuse(cure, kOfTurbidResin);
   LightKeys keys;
   const TomlTable& absorption_at = home("absorption_per_cm");
-  const auto absorption = absorption_at.number("absorption_per_cm", 0, 1e6);
+  auto absorption = absorption_at.number("absorption_per_cm", 0, 1e6);
+  if (const auto turbidity = turbidity_of(home)) {
+    keys.turbidity = *turbidity;
+    const double left = turbidity->extinction_per_cm * (1 - turbidity->albedo);
+    if (absorption && std::abs(*absorption / left - 1) > kRounding) {
+      absorption_at.fail(
+          "absorption_per_cm",
+          fmt::format("is {:g}, but of the extinction {:g} is left after scattering; "
+                      "expected the same, or extinction_per_cm and albedo alone",
+                      *absorption, left));
+    }
+    absorption = left;
+  }
   if (absorption && !cure.has("absorbance_height_um")) {
     keys.height10_um = units::height10_from_e(units::height_e_from_absorption_per_cm(*absorption));
   } else {

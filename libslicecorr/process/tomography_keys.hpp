@@ -22,6 +22,7 @@ struct LightKeys {
   double inhibition_dose_mj_cm3 = 0, inhibition_resupply_mj_cm3_s = 0, dose_diffusion_m2_s = 0;
   double scatter_um2_per_um = 0, viscosity_pa_s = 0;
   std::optional<double> inhibitor_life_s;
+  Turbidity turbidity;
 };
 /// Each key stands at the top of the file or in `cure`. Throws `InputError` naming file, line and
 /// key, also where absorption and absorbance height contradict each other.

@@ -48,6 +48,12 @@ struct Passed {
 
   Passed(const Vial& v, double n_resin, double kz)
       : outside(index_across(v.n_outside, v.n_outside, kz)) {
+    if (v.traced()) {
+      throw InputError(
+          "vial", "",
+          "is not round, or has rods, which tomo solve, verify, section, report, video "
+          "and limits count, and nothing else; expected a round one without rods");
+    }
     const auto add = [&](double radius_mm, double n) {
       faces[count++] = {radius_mm, n, index_across(n, v.n_outside, kz)};
     };

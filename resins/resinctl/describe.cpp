@@ -18,6 +18,7 @@
 #include "slicecorr/units.hpp"
 #include "slicecorr/unmeasured_light.hpp"
 #include "slicecorr/vial.hpp"
+#include "slicecorr/vial_outline.hpp"
 #include "support/toml/toml_table.hpp"
 
 namespace slicecorr::resinctl {
@@ -136,8 +137,27 @@ std::string tomography_text(const Printer& p, const Resin* in) {
   if (p.vial) {
     const Vial& v = *p.vial;
     out += "\nVial\n";
-    out += line("across", fmt::format("{:g} mm outside, {:g} mm inside (radii {:g} and {:g})",
-                                      2 * v.outer_mm, 2 * v.inner_mm, v.outer_mm, v.inner_mm));
+    if (v.shape == VialShape::square) {
+      out +=
+          line("across",
+               fmt::format("square, {:g} mm outside, walls of {:g} mm, {}", v.side_mm, v.wall_mm,
+                           v.corner_mm > 0 ? fmt::format("corners of {:g} mm radius", v.corner_mm)
+                                           : std::string("sharp corners")));
+    } else if (v.shape == VialShape::outline) {
+      out += line(
+          "across",
+          fmt::format("an outline of {} corners, {:g} mm from the axis at most, walls of {:g} mm",
+                      v.outline.size(), v.outer_mm, v.wall_mm));
+    } else {
+      out += line("across", fmt::format("{:g} mm outside, {:g} mm inside (radii {:g} and {:g})",
+                                        2 * v.outer_mm, 2 * v.inner_mm, v.outer_mm, v.inner_mm));
+    }
+    for (const Rod& rod : v.rods) {
+      out += line(rod.n > 0 ? "glass rod" : "metal rod",
+                  fmt::format("{:g} mm at ({:g}, {:g}) mm, {}", rod.diameter_mm, rod.x_mm, rod.y_mm,
+                              rod.n > 0 ? fmt::format("of index {:g}", rod.n)
+                                        : fmt::format("reflects {:g} %", 100 * rod.reflects)));
+    }
     out += line("refractive index",
                 fmt::format("{:g} outside{}, {:g} of the wall", v.n_outside,
                             v.n_outside < 1.01 ? " (air)" : " (a bath)", v.n_wall));
@@ -146,7 +166,9 @@ std::string tomography_text(const Printer& p, const Resin* in) {
                   fmt::format("radii {:g} and {:g} mm, of index {:g}; {:g} between the walls",
                               v.jacket_outer_mm, v.jacket_inner_mm, v.n_jacket, v.n_between));
     }
-    if (p.optics) {
+    if (v.traced()) {
+      out += line("light", "is traced; slicecorr tomo limits says which angles reach which resin");
+    } else if (p.optics) {
       if (in) {
         out += reach_line(p, index_of(*in), fmt::format("{} (n = {:g})", in->name, in->n));
       } else if (v.n_outside < 1.01) {
@@ -540,6 +562,14 @@ std::string printer_json(const Printer& p, const std::string& path) {
                         {"jacket_inner_mm", p.vial->jacket_inner_mm},
                         {"n_between", p.vial->n_between},
                         {"n_jacket", p.vial->n_jacket}});
+    }
+    if (p.vial->traced()) j["vial"]["shape"] = name_of(p.vial->shape);
+    for (const Rod& rod : p.vial->rods) {
+      j["vial"]["rods"].push_back({{"x_mm", rod.x_mm},
+                                   {"y_mm", rod.y_mm},
+                                   {"diameter_mm", rod.diameter_mm},
+                                   {"n", rod.n},
+                                   {"reflects", rod.reflects}});
     }
   }
   if (p.bath) {

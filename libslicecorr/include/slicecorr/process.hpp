@@ -99,6 +99,23 @@ struct FlatField {
   bool operator==(const FlatField& o) const;
 };
 
+/// The vial of a tomographic printer across its axis.
+enum class VialShape { round, square, outline };
+
+/// A place across the axis of rotation, in the frame of the part, mm.
+struct FlatPoint {
+  double x_mm = 0, y_mm = 0;
+  bool operator==(const FlatPoint&) const = default;
+};
+
+/// A cylinder that stands in the resin along the axis and turns with it, from below all light to above.
+struct Rod {
+  double x_mm = 0, y_mm = 0, diameter_mm = 0;
+  double n = 0;         ///< refractive index, 1..3; 0: it lets no light through
+  double reflects = 0;  ///< share of light that one without index sends on as a mirror, 0..1
+  bool operator==(const Rod&) const = default;
+};
+
 /// The vial of a tomographic printer: a tube of resin about its axis of rotation, the z axis.
 struct Vial {
   double outer_mm = 0;   ///< outer radius, > `inner_mm`
@@ -110,6 +127,18 @@ struct Vial {
   double jacket_outer_mm = 0, jacket_inner_mm = 0;
   double n_between = 1;    ///< between the walls, 1..3
   double n_jacket = 1.48;  ///< of the second wall, 1..3
+  /// round: walls are cylinders about the axis. square, outline: flat or curved ones that turn with the
+  /// vial (vial_outline.hpp); `outer_mm` and `inner_mm` are how far the farthest of both faces is from the
+  /// axis then.
+  VialShape shape = VialShape::round;
+  double side_mm = 0;    ///< square: from outer face to outer face
+  double wall_mm = 0;    ///< square, outline: thickness of the wall
+  double corner_mm = 0;  ///< square: radius of its outer corners, 0: sharp
+  std::vector<FlatPoint>
+      outline{};            ///< outline: corners of the outer face, convex, around the axis
+  std::vector<Rod> rods{};  ///< that stand in the resin
+  /// Whether light is traced through it face by face: closed forms know round ones without rods.
+  bool traced() const { return shape != VialShape::round || !rods.empty(); }
   /// Where the vial ends.
   double outside_mm() const { return jacket_outer_mm > 0 ? jacket_outer_mm : outer_mm; }
   bool operator==(const Vial&) const = default;
@@ -297,6 +326,17 @@ struct Bleaching {
   bool operator==(const Bleaching&) const = default;
 };
 
+/// Light that a resin scatters forward (Henyey and Greenstein): what a collimated beam loses on its way,
+/// the share of it that goes on in another direction, and the mean cosine of that direction. Absorption is
+/// what is left, extinction (1 - albedo).
+struct Turbidity {
+  double extinction_per_cm = 0;  ///< base e; 0: nothing is scattered
+  double albedo = 0;             ///< 0..1
+  double anisotropy = 0;         ///< g, 0.9..0.995
+  bool scatters() const { return extinction_per_cm > 0 && albedo > 0; }
+  bool operator==(const Turbidity&) const = default;
+};
+
 /// A resin file (contract: "Resin file"), resolved to what the cure model needs.
 struct Resin {
   std::string name;
@@ -355,6 +395,8 @@ struct Resin {
   bool areal_critical_dose = false, areal_gel_dose = false;
   Shrinkage
       shrinkage{};  ///< what becomes of its parts' lengths; nothing where its file says nothing
+  Turbidity
+      turbidity{};  ///< how it scatters light forward, one kick at a time; nothing: it does not
   UnreadWords unread{};  ///< words of its file that count for nothing
   bool bleaches() const { return bleaching.has_value(); }
   bool operator==(const Resin&) const = default;

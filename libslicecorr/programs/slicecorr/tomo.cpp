@@ -143,6 +143,9 @@ int verify(const TomoOptions& o, const ExecutionContext& context, Console& conso
   const tomo::TomoJob job = tomo::read_job(o.job, context);
   for (const std::string& text : definition_notices(job.printer, job.resin, false))
     context.tell(text);
+  if (const std::string doubt = tomo::doubt_of_turbidity(job.printer, job.resin); !doubt.empty()) {
+    context.tell(doubt);
+  }
   const Box<std::uint8_t> part =
       o.volume.empty()
           ? job.part

@@ -5,6 +5,10 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <string>
+#include <vector>
+
 #include "programs/common/setup_options.hpp"
 #include "slicecorr/load_printer.hpp"
 #include "slicecorr/process.hpp"
@@ -22,6 +26,29 @@ std::string what_is(std::string_view name) {
   return "half a wave over the numerical aperture";
 }
 
+/// Which angles lose which part of a vial that is not round.
+std::string lit_in_words(const std::vector<tomo::LitAt>& turned) {
+  if (turned.empty()) return {};
+  const auto worst =
+      std::min_element(turned.begin(), turned.end(),
+                       [](const tomo::LitAt& a, const tomo::LitAt& b) { return a.lit < b.lit; });
+  const auto whole = std::count_if(turned.begin(), turned.end(),
+                                   [](const tomo::LitAt& a) { return a.dark_from_mm == 0; });
+  std::string text = fmt::format("of {} angles {} light all of the resin", turned.size(), whole);
+  if (worst->dark_from_mm > 0) {
+    text += fmt::format("; turned by {:g} degrees {:.3g} % of it is dark, from {:.3g} mm on",
+                        worst->turned_deg, 100 * (1 - worst->lit), worst->dark_from_mm);
+  }
+  const auto most = std::max_element(
+      turned.begin(), turned.end(),
+      [](const tomo::LitAt& a, const tomo::LitAt& b) { return a.reflected < b.reflected; });
+  if (most->reflected > 0) {
+    text += fmt::format("; turned by {:g} degrees walls reflect {:.3g} % of the light as a whole",
+                        most->turned_deg, 100 * most->reflected);
+  }
+  return text + " (--json has all angles)\n";
+}
+
 std::string in_words(const tomo::Limits& l) {
   std::string text = fmt::format("a part of {:.4g} mm radius, {} angles\n", l.radius_mm, l.angles);
   for (const tomo::Limit& w : l.widths) {
@@ -34,6 +61,7 @@ std::string in_words(const tomo::Limits& l) {
         "voxel, with {:.3g} of the light\n",
         l.half_angle_deg, l.numerical_aperture, l.most_half_angle_deg, l.light_share);
   }
+  text += lit_in_words(l.turned);
   text += fmt::format("alpha R {:.4g}; prints are shortest at an absorption of {:.4g} /cm\n",
                       l.alpha_r, l.best_absorption_per_cm);
   if (l.grams_per_kg < 0) {

@@ -14,6 +14,7 @@
 #include "slicecorr/light_unit.hpp"
 #include "slicecorr/vial.hpp"
 #include "stack/flat_field_entry.hpp"
+#include "stack/formats/vial_json.hpp"
 #include "support/json/read_json.hpp"
 #include "support/text/base64.hpp"
 
@@ -131,6 +132,7 @@ void read_tomography(const Node& node, Printer& p) {
       p.vial->n_between = v["n_between"].number(1, 3);
       p.vial->n_jacket = v["n_jacket"].number(1, 3);
     }
+    read_shape(v, *p.vial);
     if (const auto wrong = wrong_vial(*p.vial)) v[wrong->key].fail("radii that go with the others");
   }
   if (node.has("optics")) {
@@ -281,6 +283,7 @@ Json printer_json(const Printer& p) {
                            {"n_between", p.vial->n_between},
                            {"n_jacket", p.vial->n_jacket}});
     }
+    json["vial"].update(shape_json(*p.vial));
   }
   if (p.optics) {
     json["optics"] = {{"kind", name_of(p.optics->kind)},
@@ -389,6 +392,11 @@ Json resin_json(const Resin& r) {
   given("inhibition_resupply_mj_cm3_s", r.inhibition_resupply_mj_cm3_s);
   given("dose_diffusion_m2_s", r.dose_diffusion_m2_s);
   given("scatter_um2_per_um", r.scatter_um2_per_um);
+  if (r.turbidity.extinction_per_cm > 0) {
+    json["extinction_per_cm"] = r.turbidity.extinction_per_cm;
+    json["albedo"] = r.turbidity.albedo;
+    json["anisotropy"] = r.turbidity.anisotropy;
+  }
   given("viscosity_pa_s", r.viscosity_pa_s);
   given("green_strength", r.green_strength);
   given("wavelength_nm", r.wavelength_nm);
@@ -521,6 +529,10 @@ Resin read_resin(const Node& node) {
   r.inhibition_resupply_mj_cm3_s = given("inhibition_resupply_mj_cm3_s", 0, kLargest);
   r.dose_diffusion_m2_s = given("dose_diffusion_m2_s", 0, kMostDiffusion);
   r.scatter_um2_per_um = given("scatter_um2_per_um", 0, kMostScatter);
+  if (node.has("extinction_per_cm")) {
+    r.turbidity = {node["extinction_per_cm"].positive(), node["albedo"].number(0, 1),
+                   node["anisotropy"].number(0, 0.995)};
+  }
   r.viscosity_pa_s = given("viscosity_pa_s", 0, kMostViscosity);
   r.green_strength = given("green_strength", 1, 10);
   r.wavelength_nm = given("wavelength_nm", 0, kLargest);

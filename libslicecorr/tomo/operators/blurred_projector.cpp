@@ -3,13 +3,18 @@
 
 #include "tomo/operators/blurred_projector.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <memory>
 #include <optional>
 
 #include "base/kernels.hpp"
 #include "parallel/silent.hpp"
+#include "slicecorr/error.hpp"
+#include "slicecorr/turbidity.hpp"
 #include "tomo/operators/measured_blur.hpp"
 
 namespace slicecorr::tomo::detail {
@@ -86,6 +91,60 @@ std::vector<double> variances_mm2(const Resin& resin, const BlurPlaces& places) 
   return all;
 }
 
+/// What of the light goes sideways by a variance, and at which depth.
+struct ScatteredLight {
+  double variance_mm2 = 0;
+  DepthShare depth;
+};
+
+/// Of light that a turbid resin scatters: Gaussians from kLeastSigma_mm on, each twice as wide, the last one as
+/// wide as the resin, which stands for all that leave it.
+constexpr double kLeastSigma_mm = 0.03;
+std::vector<ScatteredLight> turbid_light(const Resin& resin, const BlurPlaces& places) {
+  constexpr int kSteps = 48;
+  const double reach = turbid_reach(resin.turbidity, places.most_way_mm);
+  if (reach > kMostTurbidity) {
+    throw InputError(
+        resin.name, "extinction_per_cm",
+        fmt::format(
+            "(1 - g) tau is {:.3g} over the {:.3g} mm through the resin; expected {:g} at most: "
+            "light that is scattered more often is no beam any more, and not counted",
+            reach, places.most_way_mm, kMostTurbidity));
+  }
+  std::vector<double> sigmas{0};
+  for (double s = kLeastSigma_mm; sigmas.back() < places.most_way_mm; s *= 2) sigmas.push_back(s);
+  std::vector<std::vector<float>> shares(sigmas.size());
+  const double step_mm = places.most_way_mm / kSteps;
+  for (int k = 0; k <= kSteps; ++k) {
+    const std::vector<double> at = turbid_shares(resin.turbidity, step_mm * k, sigmas);
+    for (std::size_t i = 0; i < at.size(); ++i) shares[i].push_back(static_cast<float>(at[i]));
+  }
+  std::vector<ScatteredLight> all;
+  for (std::size_t i = 0; i < sigmas.size(); ++i) {
+    ScatteredLight light{sigmas[i] * sigmas[i], {}};
+    light.depth.table = std::make_shared<const std::vector<float>>(std::move(shares[i]));
+    light.depth.step_mm = step_mm;
+    all.push_back(std::move(light));
+  }
+  return all;
+}
+
+/// Of all light, by the resin: hats over the variances of a Gaussian that grows, or what kicks leave.
+std::vector<ScatteredLight> scattered_light(const Resin& resin, const BlurPlaces& places) {
+  if (resin.turbidity.scatters()) return turbid_light(resin, places);
+  const std::vector<double> variances = variances_mm2(resin, places);
+  const double per_mm = resin.scatter_um2_per_um * 1e-3;
+  std::vector<ScatteredLight> all;
+  for (std::size_t i = 0; i < variances.size(); ++i) {
+    ScatteredLight light{variances[i], {}};
+    if (i > 0) light.depth.from_mm = variances[i - 1] / per_mm;
+    if (i + 1 < variances.size()) light.depth.to_mm = variances[i + 1] / per_mm;
+    if (i > 0) light.depth.peak_mm = variances[i] / per_mm;
+    all.push_back(std::move(light));
+  }
+  return all;
+}
+
 class BlurredProjector final : public Projector {
  public:
   BlurredProjector(const TomoGrid& grid, std::vector<BlurredTerm> terms)
@@ -145,7 +204,7 @@ class BlurredProjector final : public Projector {
 }  // namespace
 
 bool light_goes_sideways(const Printer& printer, const Resin& resin) {
-  return !printer.spread.none() || resin.scatter_um2_per_um > 0;
+  return !printer.spread.none() || resin.scatter_um2_per_um > 0 || resin.turbidity.scatters();
 }
 
 std::vector<BlurredLight> blurred_light(const Printer& printer, const Resin& resin,
@@ -161,29 +220,23 @@ std::vector<BlurredLight> blurred_light(const Printer& printer, const Resin& res
   if (gaussians.empty()) gaussians.push_back({0, 1});
   double weights = 0;
   for (const SpreadGaussian& g : gaussians) weights += g.weight;
-  const std::vector<double> scattered = variances_mm2(resin, places);
-  const double per_mm = resin.scatter_um2_per_um * 1e-3;
   std::vector<BlurredLight> terms;
-  for (std::size_t i = 0; i < scattered.size(); ++i) {
-    DepthShare depth;
-    if (i > 0) depth.from_mm = scattered[i - 1] / per_mm;
-    if (i + 1 < scattered.size()) depth.to_mm = scattered[i + 1] / per_mm;
-    if (i > 0) depth.peak_mm = scattered[i] / per_mm;
+  for (const auto& [variance_mm2, depth] : scattered_light(resin, places)) {
     for (const SpreadGaussian& g : gaussians) {
       const auto square = [](double v) { return v * v; };
       const double columns = square(g.sigma_um / (printer.pixel_x_um * places.wide)) +
-                             scattered[i] * square(places.columns_per_mm) +
+                             variance_mm2 * square(places.columns_per_mm) +
                              (measured ? measured->columns_left : 0),
                    rows = square(g.sigma_um / (printer.pixel_y_um * places.high)) +
-                          scattered[i] * square(places.rows_per_mm) +
+                          variance_mm2 * square(places.rows_per_mm) +
                           (measured ? measured->rows_left : 0);
       BlurredLight one{across, up, depth, {}};
       one.across.soft = std::sqrt(in_boxes(columns) / kBox);
       one.up.soft = std::sqrt(in_boxes(rows) / kBox);
       // Gaussians that are as soft are one sum.
       const auto same = std::find_if(terms.begin(), terms.end(), [&](const BlurredLight& t) {
-        return t.depth.peak_mm == depth.peak_mm && t.across.soft == one.across.soft &&
-               t.up.soft == one.up.soft;
+        return t.depth.peak_mm == depth.peak_mm && t.depth.table == depth.table &&
+               t.across.soft == one.across.soft && t.up.soft == one.up.soft;
       });
       BlurredLight& term = same == terms.end() ? terms.emplace_back(std::move(one)) : *same;
       ImageBlur::Gaussian sum{g.weight / weights, numbers_of(columns - in_boxes(columns)),

@@ -152,7 +152,7 @@ RayMap::RayMap(const TomoGrid& grid, const LabRays& rays, int ray, int up) : gri
       }
     }
   });
-  const bool all_depths = std::isinf(rays.depth.from_mm) && std::isinf(rays.depth.to_mm);
+  const bool all_depths = rays.depth.all();
   for (int t = 0; t < kAcross; ++t) {
     for (int u = 0; u < kAlong; ++u) {
       const float* const at = node(t, u);

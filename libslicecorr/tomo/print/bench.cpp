@@ -11,11 +11,14 @@
 
 #include "slicecorr/cure.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/turbidity.hpp"
 #include "slicecorr/vial.hpp"
+#include "slicecorr/vial_outline.hpp"
 #include "tomo/operators/blurred_projector.hpp"
 #include "tomo/operators/rays.hpp"
 #include "tomo/operators/search_projector.hpp"
 #include "tomo/operators/square_projector.hpp"
+#include "tomo/operators/traced_light.hpp"
 
 namespace slicecorr::tomo {
 
@@ -114,13 +117,46 @@ std::shared_ptr<const Projector> of_blurred(const Bench& bench, const Make& make
 
 }  // namespace
 
+namespace {
+
+/// Light that is traced knows walls and rods, and no other inserts.
+void check_traced_insert(const Bench& bench, const Volume& insert) {
+  const TomoGrid& g = bench.grid;
+  for (int y = 0; y < g.voxels; ++y) {
+    for (int x = g.inside(y).first; x < g.inside(y).end; ++x) {
+      if (!bench.traced->resin[static_cast<std::size_t>(y) * static_cast<std::size_t>(g.voxels) +
+                               static_cast<std::size_t>(x)]) {
+        continue;
+      }
+      for (int z = 0; z < g.slices; ++z) {
+        if (insert.coverage[g.voxel(x, y, z)] == 0) continue;
+        throw InputError(fmt::format(
+            "the insert has a voxel at x = {:.3f}, y = {:.3f} mm, in the resin of a vial through which "
+            "light is traced: inserts of any form are not counted there; expected rods in the printer's "
+            "file (glass_rods, metal_rods)",
+            g.voxel_at_mm(x), g.voxel_at_mm(y)));
+      }
+    }
+  }
+}
+
+}  // namespace
+
 std::shared_ptr<const Projector> make_projector(const Bench& bench, const Volume* insert) {
   if (bench.lab) {
     return of_blurred(bench, [&](const LabRays& rays) {
       return std::shared_ptr<const Projector>(make_ray_projector(bench.grid, rays, insert));
     });
   }
+  if (bench.traced) {
+    if (insert != nullptr) check_traced_insert(bench, *insert);
+    return detail::make_traced_projector(bench.grid, *bench.traced);
+  }
   return detail::make_square_projector(bench.grid, bench.rays, insert);
+}
+
+double bytes_of_weights(const Bench& bench) {
+  return bench.traced ? detail::bytes_of_weights(bench.grid, *bench.traced) : 0;
 }
 
 namespace {
@@ -138,10 +174,12 @@ std::shared_ptr<const Projector> make_search_projector(const Bench& bench, Searc
           detail::make_ray_search_projector(bench.grid, rays, insert, most_voxels(search)));
     });
   }
+  if (bench.traced) return make_projector(bench, insert);
   return detail::make_search_projector(bench.grid, bench.rays, insert, most_voxels(search));
 }
 
 bool has_rough_search(const Bench& bench) {
+  if (bench.traced) return false;
   const auto cells = [&](Search search) {
     return detail::search_directions(bench.grid, bench.rays, most_voxels(search)).cells;
   };
@@ -169,6 +207,53 @@ int grouped_in(const Sampling& sampling, double pixel_mm) {
   return std::max(1, static_cast<int>(std::floor(sampling.voxel_mm / pixel_mm + kSame)));
 }
 
+/// The printer with walls and light for which closed forms are nearly right: a tube without rods, or one
+/// that is as wide as walls that are not round and bends nothing, as flat ones do to light at right angles.
+Printer nearly(const Printer& printer, double n_resin) {
+  Printer like = printer;
+  Vial& vial = *like.vial;
+  vial.rods.clear();
+  if (vial.shape == VialShape::round) return like;
+  vial.shape = VialShape::round;
+  vial.n_outside = vial.n_wall = n_resin;
+  return like;
+}
+
+/// What else does not go with light that is traced.
+void check_traced(const Printer& printer, const Resin& resin) {
+  const std::string what =
+      fmt::format("light through {} is traced",
+                  printer.vial->shape != VialShape::round
+                      ? fmt::format("a vial of shape \"{}\"", name_of(printer.vial->shape))
+                      : std::string("a vial with rods"));
+  if (slices_share_light(printer, resin)) {
+    wrong(printer, what +
+                       ", where it is level: expected telecentric light without half_angle_deg, "
+                       "spread or scatter");
+  }
+  if (printer.optics->tilt_deg != 0 || !printer.rotation->wobble.empty()) {
+    wrong(printer, what + " about an axis that stands still: expected tilt_deg 0 and no wobble");
+  }
+  if (resin.inhibition_resupply_mj_cm3_s > 0) {
+    wrong(printer, what +
+                       ", and inhibitor that comes back is not followed then: expected a resin "
+                       "without inhibition_resupply_mj_cm3_s");
+  }
+}
+
+/// Columns of the grid's light, as they are traced.
+std::shared_ptr<const detail::TracedLight> traced_light(const Printer& printer, double n,
+                                                        const Bench& b) {
+  const double column = b.window.column_of(0);
+  detail::TracedLight light{detail::VialTrace(*printer.vial, n, b.rays.alpha_per_mm),
+                            pixel_x_mm(printer, column),
+                            printer.pixel_x_um * 1e-3 * b.window.wide,
+                            b.window.wide == 1 ? std::sqrt(printer.fill_factor) : 1,
+                            chief_ray(printer, 0, 0).transmittance,
+                            detail::resin_of(*printer.vial, b.grid)};
+  return std::make_shared<const detail::TracedLight>(std::move(light));
+}
+
 /// Light that stays in its slice.
 void make_level(const Printer& printer, double n, const Sampling& sampling, Bench& b) {
   const Vial& vial = *printer.vial;
@@ -188,9 +273,11 @@ void make_level(const Printer& printer, double n, const Sampling& sampling, Benc
       (std::abs(sampling.middle_z_mm) + 0.5 * sampling.voxel_mm * sampling.slices) / pitch_mm *
           std::abs(std::sin(tilt)) +
       printer.width_px * (1 - std::cos(tilt));
+  // Walls that are not round (of which alone it says the thickness) bend light in from beside the resin.
+  const double lit_mm = vial.wall_mm > 0 ? vial.outer_mm : grid.radius_mm;
   int first = 0, past = printer.width_px;
-  while (first < past && line_mm(first + 1 + astray_px) < -grid.radius_mm) ++first;
-  while (past > first && line_mm(past - 2 - astray_px) > grid.radius_mm) --past;
+  while (first < past && line_mm(first + 1 + astray_px) < -lit_mm) ++first;
+  while (past > first && line_mm(past - 2 - astray_px) > lit_mm) --past;
   b.reach_mm = std::min(
       {b.reach_mm, -line_mm(astray_px - kSame), line_mm(printer.width_px - 1 - astray_px + kSame)});
   b.reach_mm = std::max(0.0, b.reach_mm);
@@ -424,6 +511,16 @@ bool slices_share_light(const Printer& printer, const Resin& resin) {
          detail::light_goes_sideways(printer, resin);
 }
 
+std::string doubt_of_turbidity(const Printer& printer, const Resin& resin) {
+  require_tomographic(printer);
+  const double reach = turbid_reach(resin.turbidity, 2 * printer.vial->inner_mm);
+  if (!(reach > kDoubtfulTurbidity)) return {};
+  return fmt::format(
+      "the resin scatters much: (1 - g) tau is {:.2g} through it, and above {:g} doses may be higher by a "
+      "tenth than told, as light that is scattered far to the side is not counted",
+      reach, kDoubtfulTurbidity);
+}
+
 Bench make_bench(const Printer& printer, const Resin& resin, const Sampling& sampling) {
   require_tomographic(printer);
   const Vial& vial = *printer.vial;
@@ -447,7 +544,9 @@ Bench make_bench(const Printer& printer, const Resin& resin, const Sampling& sam
                       most_frames, sampling.angles));
   }
   b.radius_mm = vial.inner_mm;
-  b.reach_mm = slicecorr::reach_mm(printer, n);
+  const Printer closed = vial.traced() ? nearly(printer, n) : printer;
+  if (vial.traced()) check_traced(printer, resin);
+  b.reach_mm = slicecorr::reach_mm(closed, n);
   b.clockwise = printer.rotation->direction == TurnDirection::clockwise;
   b.frame_width = printer.width_px;
   b.frame_height = printer.height_px;
@@ -462,8 +561,9 @@ Bench make_bench(const Printer& printer, const Resin& resin, const Sampling& sam
   if (slices_share_light(printer, resin)) {
     make_coupled(printer, resin, sampling, b);
   } else {
-    make_level(printer, n, sampling, b);
+    make_level(closed, n, sampling, b);
   }
+  if (vial.traced()) b.traced = traced_light(printer, n, b);
   b.mw_cm2 = level_intensities(printer);
   if (!(b.mw_cm2.back() > b.mw_cm2.front())) {
     wrong(printer,
@@ -475,7 +575,7 @@ Bench make_bench(const Printer& printer, const Resin& resin, const Sampling& sam
     for (int i = 0; i < grid.pixels; ++i) {
       for (int z = 0; z < grid.light_rows(); ++z) {
         const int column = b.window.first_column + i;
-        if (misses(vial, n, pixel_x_mm(printer, column), 0)) continue;
+        if (misses(*closed.vial, n, pixel_x_mm(printer, column), 0)) continue;
         if (b.places.share(0, i, z) > 0) continue;
         wrong(printer,
               fmt::format("its flat-field is black in column {}, {:.3f} mm from the optical axis, "

@@ -49,7 +49,9 @@ Box<float> dose_of(const TomoJob& job, const Bench& bench, const Lit& lit,
   const TomoGrid& grid = bench.grid;
   const detail::Judged judged{job, bench, schedule, at};
   const std::unique_ptr<detail::DirectSum> direct =
-      grid.coupled() ? detail::make_ray_sum(judged, context) : detail::make_level_sum(judged);
+      bench.traced     ? detail::make_traced_sum(judged, context)
+      : grid.coupled() ? detail::make_ray_sum(judged, context)
+                       : detail::make_level_sum(judged);
   const double per_unit = bench.exposure.alpha_a_per_cm;
   Box<float> dose{grid.slices, grid.voxels, grid.voxels, {}};
   dose.values.assign(static_cast<std::size_t>(grid.slices) * static_cast<std::size_t>(grid.voxels) *

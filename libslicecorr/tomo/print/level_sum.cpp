@@ -15,6 +15,7 @@
 #include "tomo/operators/footprint.hpp"
 #include "tomo/operators/shade.hpp"
 #include "tomo/print/direct_sum.hpp"
+#include "tomo/print/rows_of_slices.hpp"
 #include "tomo/print/steady_kernels.hpp"
 
 namespace slicecorr::tomo::detail {
@@ -106,24 +107,8 @@ class LevelSum final : public DirectSum {
     const auto parts = static_cast<int>(std::ceil(4 * arc / kCellsPerStep));
     directions_ = std::clamp(parts, 1, 12) * kCellsPerStep * g.angles / schedule_.cells();
     if (steady_) make_steady();
-    // z innermost, as light of one pixel goes to all slices alike.
-    const auto slices = static_cast<std::size_t>(g.slices);
-    black_.assign(slices, bench_.mw_cm2.front());
-    light_.resize(static_cast<std::size_t>(g.angles) * static_cast<std::size_t>(g.pixels) * slices);
-    const std::vector<Meets> rows = rows_of_slices();
-    for (int m = 0; m < g.angles; ++m) {
-      for (int i = 0; i < g.pixels; ++i) {
-        double* const to = &light_[row(m, i)];
-        for (const Meets& r : rows) {
-          const double lit = bench_.mw_cm2[r.shown < 0 ? 0 : job_.levels[g.pixel(m, i, r.shown)]];
-          to[r.slice] += r.share * lit;
-        }
-        if (!steady_ || !bench_.places.uneven()) continue;
-        for (std::size_t z = 0; z < slices; ++z) {
-          to[z] *= bench_.places.share(m, i, static_cast<int>(z));
-        }
-      }
-    }
+    black_.assign(static_cast<std::size_t>(g.slices), bench_.mw_cm2.front());
+    light_ = light_of_slices(judged, steady_);
   }
 
   void add(int column, int row_of_voxels, std::vector<double>& sum) const override {
@@ -198,50 +183,6 @@ class LevelSum final : public DirectSum {
   }
 
  private:
-  /// Rows that show a slice's light meet other slices, too, where they are not as high as slices, or
-  /// lie between them.
-  struct Meets {
-    std::size_t slice = 0;
-    int shown = -1;  ///< whose light, or black
-    double share = 0;
-  };
-  std::vector<Meets> rows_of_slices() const {
-    const TomoGrid& g = bench_.grid;
-    std::vector<Meets> all;
-    const auto slices = static_cast<std::size_t>(g.slices);
-    if (bench_.places.moved() || bench_.places.uneven()) {
-      for (std::size_t z = 0; z < slices; ++z) all.push_back({z, static_cast<int>(z), 1});
-      return all;
-    }
-    // A point has the row that it lies in, or both where it lies between two.
-    constexpr double kPoint = 1e-6;
-    const double slice_mm = g.slice_height_mm(), pitch = printer_.pixel_y_um * 1e-3;
-    const double height = std::max(judged_.height_mm(), kPoint * pitch),
-                 half_lit = lit_ * pitch / 2;
-    for (std::size_t z = 0; z < slices; ++z) {
-      const double middle = bench_.places.lowest_mm() + slice_mm * static_cast<double>(z),
-                   low = middle - height / 2, high = middle + height / 2;
-      double lit = 0;
-      for (int r = 0; r < printer_.height_px; ++r) {
-        const double at = pixel_z_mm(printer_, r);
-        const double meets = (std::min(high, at + half_lit) - std::max(low, at - half_lit)) / lit_;
-        if (!(meets > 1e-9 * height)) continue;
-        const int shown = bench_.places.lit_by(0, bench_.window.first_column, r).row;
-        lit += meets / height;
-        if (!all.empty() && all.back().slice == z && all.back().shown == shown) {
-          all.back().share += meets / height;
-        } else {
-          all.push_back({z, shown, meets / height});
-        }
-      }
-      // The darkness beside the image is not even black light.
-      if (lit > 0 && std::abs(lit - 1) < 1e-6 && all.back().slice == z && all.back().share == lit) {
-        all.back().share = 1;
-      }
-    }
-    return all;
-  }
-
   /// What does not depend on the voxel, of light that keeps its direction, and its columns.
   void make_steady() {
     const TomoGrid& g = bench_.grid;

@@ -7,12 +7,15 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
+#include <limits>
 #include <nlohmann/json.hpp>
 #include <numbers>
 
 #include "slicecorr/error.hpp"
 #include "slicecorr/tomo/bench.hpp"
 #include "slicecorr/vial.hpp"
+#include "tomo/operators/traced_light.hpp"
 
 namespace slicecorr::tomo {
 
@@ -35,15 +38,85 @@ void check_asked(const LimitsAsked& a) {
   }
 }
 
+/// How wide voxels are by which the resin is looked at, of its radius; and light below this share of even
+/// light is none.
+constexpr double kLookedAt = 1.0 / 40, kDark = 0.02;
+constexpr int kTurnedBy_deg = 5;
+
+std::vector<LitAt> lit_at(const Printer& printer, const Resin& resin) {
+  // Walls and rods count, absorption does not.
+  Sampling sampling{printer.vial->inner_mm * kLookedAt, 1, 3};
+  Printer seen = printer;
+  seen.rotation->max_fps = 0;
+  if (sampling.voxel_mm < seen.pixel_y_um * 1e-3) sampling.voxel_mm = seen.pixel_y_um * 1e-3;
+  const Bench bench = make_bench(seen, resin, sampling);
+  const TomoGrid& g = bench.grid;
+  const detail::TracedLight& light = *bench.traced;
+  const detail::TracedStrips strips(g, light, g.voxel_mm(), 0);
+  const auto n = static_cast<std::size_t>(g.voxels);
+  std::vector<LitAt> all;
+  for (int deg = 0; deg < 360; deg += kTurnedBy_deg) {
+    const double th = deg * kDegree;
+    LitAt at;
+    at.turned_deg = deg;
+    std::vector<double> sum(n * n);
+    int met = 0, reflected = 0;
+    for (int i = 0; i < g.pixels; ++i) {
+      strips.of_pixel(th, i, [&](const detail::TracedShare& s) {
+        sum[static_cast<std::size_t>(s.y) * n + static_cast<std::size_t>(s.x)] += s.share;
+      });
+      const detail::TracedRay ray =
+          detail::traced_ray(light.vial, th, light.first_mm + i * light.pitch_mm);
+      met += ray.reflected || !ray.pieces.empty();
+      reflected += ray.reflected;
+    }
+    const double alpha = light.vial.alpha_per_mm();
+    int is = 0, lit = 0;
+    at.dark_from_mm = std::numeric_limits<double>::infinity();
+    for (std::size_t v = 0; v < n * n; ++v) {
+      if (!light.resin[v]) continue;
+      ++is;
+      const double x = g.voxel_at_mm(static_cast<int>(v % n)),
+                   y = g.voxel_at_mm(static_cast<int>(v / n));
+      // As dim as light from the far side of the resin.
+      if (sum[v] > kDark * std::exp(-2 * alpha * bench.radius_mm)) {
+        ++lit;
+      } else {
+        at.dark_from_mm = std::min(at.dark_from_mm, std::hypot(x, y));
+      }
+    }
+    at.lit = is > 0 ? static_cast<double>(lit) / is : 0;
+    if (lit == is) at.dark_from_mm = 0;
+    at.reflected = met > 0 ? static_cast<double>(reflected) / met : 0;
+    all.push_back(at);
+  }
+  return all;
+}
+
+/// Up to where light of all directions reaches.
+double reach_of(const Limits& l, const Printer& printer, double n_resin) {
+  if (!printer.vial->traced()) {
+    return std::min(reach_mm(printer, n_resin), printer.vial->inner_mm);
+  }
+  double least = printer.vial->inner_mm;
+  for (const LitAt& at : l.turned) {
+    if (at.dark_from_mm > 0) least = std::min(least, at.dark_from_mm);
+  }
+  return least;
+}
+
 }  // namespace
 
 Limits limits_of(const Printer& printer, const Resin& resin, const LimitsAsked& asked) {
   require_tomographic(printer);
   check_asked(asked);
   const Vial& vial = *printer.vial;
-  const double n = index_of(resin), magnified = vial.n_outside / n;
+  const double n = index_of(resin);
+  // Flat walls do not magnify.
+  const double magnified = vial.shape == VialShape::round ? vial.n_outside / n : 1;
   Limits l;
-  const double reach = std::min(reach_mm(printer, n), vial.inner_mm);
+  if (vial.traced()) l.turned = lit_at(printer, resin);
+  const double reach = reach_of(l, printer, n);
   l.radius_mm = asked.radius_mm > 0 ? asked.radius_mm : reach;
   if (l.radius_mm > reach * (1 + 1e-9)) {
     throw InputError(fmt::format(
@@ -52,7 +125,7 @@ Limits limits_of(const Printer& printer, const Resin& resin, const LimitsAsked& 
         l.radius_mm, reach));
   }
   const double pixel = printer.pixel_x_um * 1e-3 * magnified,
-               row = printer.pixel_y_um * 1e-3 * height_on_axis(printer, n);
+               row = printer.pixel_y_um * 1e-3 * (vial.traced() ? 1 : height_on_axis(printer, n));
   const double voxel = asked.voxel_mm > 0 ? asked.voxel_mm : printer.pixel_y_um * 1e-3;
   const int shown = most_frames_per_turn(*printer.rotation);
   l.angles = asked.angles > 0 ? asked.angles
@@ -106,6 +179,12 @@ std::string Limits::to_json() const {
   j["best_absorption_per_cm"] = best_absorption_per_cm;
   if (grams_per_kg != 0 || grams_now != 0) {
     j["initiator_g_per_kg"] = {{"best", grams_per_kg}, {"now", grams_now}};
+  }
+  for (const LitAt& at : turned) {
+    j["turned"].push_back({{"turned_deg", at.turned_deg},
+                           {"lit", at.lit},
+                           {"dark_from_mm", at.dark_from_mm},
+                           {"reflected", at.reflected}});
   }
   return j.dump(2);
 }

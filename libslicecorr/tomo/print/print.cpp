@@ -78,7 +78,8 @@ int turns_allowed(const Bench& bench, double most_time_s) {
   const double turns = std::floor(most_time_s / bench.exposure.turn_s * (1 + 1e-9));
   if (!(turns >= 1)) {
     throw InfeasibleError(
-        fmt::format("printing takes a turn of {:g} s at least, longer than the {:g} s allowed",
+        fmt::format("printing takes a turn of {:g} s at "
+                    "least, longer than the {:g} s allowed",
                     bench.exposure.turn_s, most_time_s));
   }
   return static_cast<int>(std::min(turns, 1e9));
@@ -96,8 +97,10 @@ Place place_of(const Box<std::uint8_t>& part, double voxel_mm, const Printer& pr
   require_tomographic(printer);
   if (printer.height_px < 2 && slices_share_light(printer, resin)) {
     throw InputError(
-        "the projector's image has one row, whose light rises and spreads; expected two rows or more to look for "
-        "light for. Images of one row can be judged (tomo convert, tomo verify)");
+        "the projector's image has one row, whose light rises and "
+        "spreads; expected two rows or more to look for "
+        "light for. Images of one row can be judged (tomo "
+        "convert, tomo verify)");
   }
   Place place;
   place.part_radius_mm = part_radius_mm(part, voxel_mm);
@@ -113,17 +116,20 @@ Place place_of(const Box<std::uint8_t>& part, double voxel_mm, const Printer& pr
   const double limit_mm =
       options.beyond_reach ? resin_mm : std::min(place.bench.reach_mm, resin_mm);
   if (radius_mm > limit_mm) {
-    throw InputError(fmt::format(
-        "the part reaches {:.3f} mm from the axis, light from all directions {:.3f} mm; expected a "
-        "part scaled by at most {:.4f}{}",
-        radius_mm, limit_mm, std::floor(1e4 * limit_mm / radius_mm) * 1e-4,
-        radius_mm <= resin_mm ? ", or leave to print beyond that reach" : ""));
+    throw InputError(
+        fmt::format("the part reaches {:.3f} mm from the axis, light from all directions "
+                    "{:.3f} mm; expected a "
+                    "part scaled by at most {:.4f}{}",
+                    radius_mm, limit_mm, std::floor(1e4 * limit_mm / radius_mm) * 1e-4,
+                    radius_mm <= resin_mm ? ", or leave to print beyond that reach" : ""));
   }
   check_insert(options.insert, part, printer, voxel_mm);
   detail::check_wanted(options.wanted, part, resin);
   detail::check_hold(printer, place.bench.grid.angles, options.hold);
   if (options.wanted.any() && options.solve.method != Method::ladder) {
-    throw InputError("doses are wanted, which the ladder alone looks for; expected that method");
+    throw InputError(
+        "doses are wanted, which the ladder alone looks for; "
+        "expected that method");
   }
   place.most_turns = turns_allowed(place.bench, options.most_time_s);
   return place;
@@ -131,7 +137,8 @@ Place place_of(const Box<std::uint8_t>& part, double voxel_mm, const Printer& pr
 
 /// What the solver sees: the part, and how light gives it dose.
 struct Asked {
-  Target target;
+  std::shared_ptr<const Target> target;  // shared: a number for each voxel is much
+
   std::shared_ptr<const Projector> projector;
   RayTables rays;
 };
@@ -143,19 +150,23 @@ Asked searched(const Bench& groups, const Box<std::uint8_t>& part, const PrintOp
   Target target = detail::target_of(groups, part, insert);
   detail::add_bands(options.wanted, insert, groups.exposure.critical_mj_cm3, target);
   if (insert.values.empty()) {
-    return {std::move(target), make_search_projector(groups, search), groups.rays};
+    return {std::make_shared<const Target>(std::move(target)),
+            make_search_projector(groups, search), groups.rays};
   }
   const Volume opaque = detail::volume_of(groups.grid, insert);
-  return {std::move(target), make_search_projector(groups, search, &opaque), groups.rays};
+  return {std::make_shared<const Target>(std::move(target)),
+          make_search_projector(groups, search, &opaque), groups.rays};
 }
 
 /// The same with the weights of voxels.
 Asked weighed(const Asked& asked) {
-  return {detail::weighed(asked.target), detail::weighed(asked.projector, asked.target),
-          asked.rays};
+  if (asked.target->weight.empty()) return asked;
+  return {std::make_shared<const Target>(detail::weighed(*asked.target)),
+          detail::weighed(asked.projector, *asked.target), asked.rays};
 }
 
-/// What rough operators find: where to go on from, and a bound, which all of the proof's steps go to.
+/// What rough operators find: where to go on from, and a bound, which all of
+/// the proof's steps go to.
 Solution rough_solution(const Asked& rough, const SolveOptions& options,
                         const ExecutionContext& context) {
   constexpr int kSteps = 30, kMostSteps = 60, kProofSteps = 80;
@@ -165,17 +176,18 @@ Solution rough_solution(const Asked& rough, const SolveOptions& options,
   how.proof_steps = std::min(how.proof_steps, kProofSteps);
   how.resume = nullptr;
   how.checkpoint = nullptr;
-  return solve(context, *rough.projector, rough.target, rough.rays, how);
+  return solve(context, *rough.projector, *rough.target, rough.rays, how);
 }
 
-/// Solves are repeated until the dose has spread for as many turns as the light needs, to this share
-/// of them; so often at most.
+/// Solves are repeated until the dose has spread for as many turns as the light
+/// needs, to this share of them; so often at most.
 constexpr double kSameTurns = 0.1;
 constexpr int kMostPasses = 3;
 
-/// The bound of effective doses, of one of light: void gets at least 1 / `of_light` of what the part
-/// does, of which inhibitors take as much as there. What a voxel has while a turn lasts may be more
-/// than averages say, by what comes back in that turn.
+/// The bound of effective doses, of one of light: void gets at least 1 /
+/// `of_light` of what the part does, of which inhibitors take as much as there.
+/// What a voxel has while a turn lasts may be more than averages say, by what
+/// comes back in that turn.
 double bound_of_print(double of_light, const Bench& bench, const PrintFigures& figures) {
   const double back = bench.resupply_mj_cm3_s * figures.print_time_s;
   const double in_turn = bench.resupply_mj_cm3_s * bench.exposure.turn_s;
@@ -184,17 +196,17 @@ double bound_of_print(double of_light, const Bench& bench, const PrintFigures& f
   return empty > 0 ? part / empty : std::numeric_limits<double>::infinity();
 }
 
-/// About how many turns light for a part takes: that of filtered back projection, for the mean dose
-/// of the part.
+/// About how many turns light for a part takes: that of filtered back
+/// projection, for the mean dose of the part.
 int likely_turns(const Asked& asked, const Bench& bench, Window window, int most_turns,
                  const ExecutionContext& context) {
-  const Light light = filtered_start(context, asked.target, asked.rays, window);
+  const Light light = filtered_start(context, *asked.target, asked.rays, window);
   const Field dose = adjoint(*asked.projector, context, light);
   double sum = 0;
-  for (std::size_t i = 0; i < asked.target.kinds.size(); ++i) {
-    if (asked.target.kinds[i] == Kind::gel) sum += dose.values[i];
+  for (std::size_t i = 0; i < asked.target->kinds.size(); ++i) {
+    if (asked.target->kinds[i] == Kind::gel) sum += dose.values[i];
   }
-  const double turn = sum / static_cast<double>(asked.target.gel) * bench.mw_cm2.back() *
+  const double turn = sum / static_cast<double>(asked.target->gel) * bench.mw_cm2.back() *
                           dose_of_turn(bench.grid, bench.exposure) -
                       bench.resupply_mj_cm3_s * bench.exposure.turn_s;
   const double most = most_turns > 0 ? most_turns : 1e6;
@@ -207,24 +219,25 @@ Asked spread_for_turns(const Asked& asked, const Bench& bench, const Resin& resi
                        const Box<std::uint8_t>& insert, int turns) {
   if (detail::spread_mm(bench, resin, turns) > bench.radius_mm) {
     throw InfeasibleError(fmt::format(
-        "the part needs {} turns of {:g} s, in which its dose spreads by {:.3g} mm, and the resin "
+        "the part needs {} turns of {:g} s, in which its dose "
+        "spreads by {:.3g} mm, and the resin "
         "has a radius of {:g} mm; expected more light",
         turns, bench.exposure.turn_s, detail::spread_mm(bench, resin, turns), bench.radius_mm));
   }
-  const TomoGrid& grid = asked.target.grid;
+  const TomoGrid& grid = asked.target->grid;
   auto spread =
       std::make_shared<detail::DoseSpread>(grid, insert, detail::spread_mm(bench, resin, turns));
   const double kappa = detail::kappa_of_turn(bench, resin);
   detail::SpreadSeries series =
       spread->series([&](double lambda) { return detail::spread_of_turns(turns, kappa, lambda); });
   Asked with{
-      detail::spread_target(asked.target),
+      std::make_shared<const Target>(detail::spread_target(*asked.target)),
       detail::make_spread_projector(asked.projector, grid, std::move(spread), std::move(series)),
       asked.rays};
-  if (with.target.grid.coupled() && !grid.coupled()) {
+  if (with.target->grid.coupled() && !grid.coupled()) {
     for (int z = 0; z < grid.slices; ++z) {
-      with.rays.row_mm.push_back(with.target.grid.lowest_mm +
-                                 z * with.target.grid.slice_height_mm());
+      with.rays.row_mm.push_back(with.target->grid.lowest_mm +
+                                 z * with.target->grid.slice_height_mm());
     }
   }
   return with;
@@ -261,18 +274,24 @@ Evidence evidence_of(const Solution& solution, const Target& target, const Box<s
   return e;
 }
 
-}  // namespace
-
-Bench check_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer& printer,
-                  const Resin& resin, const PrintOptions& options) {
-  Bench bench = place_of(part, voxel_mm, printer, resin, options).bench;
-  detail::target_of(bench, part, options.insert);
-  return bench;
+/// The same with what walls that are not round and rods leave of the resin.
+PrintOptions in_vial(const PrintOptions& options, const Box<std::uint8_t>& part,
+                     const Printer& printer, double voxel_mm) {
+  require_tomographic(printer);
+  PrintOptions with = options;
+  if (!printer.vial->traced()) return with;
+  if (!options.insert.values.empty()) {
+    throw InputError("printer '" + printer.name +
+                     "': light through its vial is traced, which inserts of any form do not "
+                     "stand in "
+                     "yet; expected none, or rods in its file (glass_rods, metal_rods)");
+  }
+  with.insert = detail::beside_resin(part, printer, voxel_mm);
+  return with;
 }
 
-Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer& printer,
-                  const Resin& resin, const PrintOptions& options,
-                  const ExecutionContext& context) {
+Print solve_in(const Box<std::uint8_t>& part, double voxel_mm, const Printer& printer,
+               const Resin& resin, const PrintOptions& options, const ExecutionContext& context) {
   const Place place = place_of(part, voxel_mm, printer, resin, options);
   const Bench& bench = place.bench;
   TomoJob job;
@@ -285,9 +304,11 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
   const bool banded = options.wanted.any();
   detail::add_bands(options.wanted, options.insert, bench.exposure.critical_mj_cm3, scene.target);
   const Target& target = scene.target;
-  // Light is looked for in groups of pixels, and with operators that are quicker; bounds are proven for
-  // that of all pixels, with those that follow their squares.
-  const Asked every{target, scene.projector, bench.rays};
+  // Light is looked for in groups of pixels, and with operators that are
+  // quicker; bounds are proven for that of all pixels, with those that follow
+  // their squares.
+  const Asked every{std::shared_ptr<const Target>(std::shared_ptr<const Target>(), &target),
+                    scene.projector, bench.rays};
   const Asked flat = searched(place.groups, part, options, Search::close);
   std::optional<Asked> rough;
   if (options.solve.method == Method::ladder && has_rough_search(place.groups)) {
@@ -295,17 +316,21 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
   }
   // The solve is told of as a whole, none of its sums over angles by itself.
   const ExecutionContext quiet = slicecorr::detail::silent(context);
+  if (const std::string doubt = doubt_of_turbidity(printer, resin); !doubt.empty()) {
+    context.tell(doubt);
+  }
   const int wanted = resolving_angles(place.part_radius_mm, voxel_mm);
   if (bench.grid.angles < wanted) {
     const int shown = most_frames_per_turn(*printer.rotation);
     context.tell(fmt::format(
-        "{} angles are too few for voxels of {:g} mm at {:.3g} mm from the axis: {} would resolve "
+        "{} angles are too few for voxels of {:g} mm at {:.3g} mm "
+        "from the axis: {} would resolve "
         "them{}",
         bench.grid.angles, voxel_mm, place.part_radius_mm, wanted,
-        shown > 0 && shown < wanted
-            ? fmt::format(", of which the projector shows {} in a turn; a slower turn has more",
-                          shown)
-            : std::string()));
+        shown > 0 && shown < wanted ? fmt::format(", of which the projector shows {} in a "
+                                                  "turn; a slower turn has more",
+                                                  shown)
+                                    : std::string()));
   }
   SolveOptions how = options.solve;
   const int most_turns = place.most_turns;
@@ -316,28 +341,30 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
   }
   detail::CheckpointFile file(options.checkpoint, options.checkpoint_s,
                               fingerprint_of(part, options.insert, job, how));
-  // Nothing prints in less: where inhibitor comes back too fast that is the proof.
+  // Nothing prints in less: where inhibitor comes back too fast that is the
+  // proof.
   const double least = detail::least_turns(bench, *every.projector, target, spreads, quiet);
   if (most_turns > 0 && !spreads) detail::check_turns(bench, least, most_turns);
   std::optional<detail::LightGoal> goal;
   if (how.method == Method::ladder && how.cap == 0) goal.emplace(bench, least);
   const double per_unit = dose_of_turn(bench.grid, bench.exposure);
   const auto light_of = [&](const Solution& found, const Asked& asked) {
-    const Light light = detail::light_of_slices({asked.target.grid, found.light}, flat.target.grid);
+    const Light light =
+        detail::light_of_slices({asked.target->grid, found.light}, flat.target->grid);
     return asked_light(bench, light_of_groups(place.groups, light, bench));
   };
-  // The light as bright as the projector can show it gives the number of turns; then as bright as
-  // they need.
+  // The light as bright as the projector can show it gives the number of turns;
+  // then as bright as they need.
   const auto turns_of = [&](const Solution& found, const Asked& asked, double brightest) {
     return detail::turns_for(bench,
-                             per_unit * brightest * weakest_voxel(asked.target, found.dose).dose,
+                             per_unit * brightest * weakest_voxel(*asked.target, found.dose).dose,
                              goal             ? goal->turns()
                              : most_turns > 0 ? most_turns
                                               : detail::LightGoal(bench, least).turns());
   };
   std::optional<SolverState> state;
   if (options.resume) {
-    const TomoGrid& grid = flat.target.grid;
+    const TomoGrid& grid = flat.target->grid;
     state = file.read((spreads ? detail::spread_grid(grid) : grid).shape());
   }
   if (state) {
@@ -361,10 +388,12 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
   Asked asked = flat, provable = every;
   std::optional<Solution> found;
   Array<float> start;
-  Light light(bench.grid);
+  // Not before it is found: it takes as much as all frames.
+  Light light(bench.grid, {});
   double brightest = 0;
   detail::Turns turns;
-  // What was found within a few turns, while more is looked for in many: that need not be better.
+  // What was found within a few turns, while more is looked for in many: that
+  // need not be better.
   struct FoundSooner {
     Solution found;
     Light light;
@@ -392,11 +421,12 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
     }
     const Asked weights = weighed(asked), proof = weighed(provable);
     const detail::ToldProjector projector(*weights.projector, told,
-                                          detail::expected_calls(how, asked.target.grid.blocks()));
+                                          detail::expected_calls(how, asked.target->grid.blocks()));
     how.prover = proof.projector.get();
     if (goal) {
-      // Where a turn is more than enough for any light, time is none; and the last time it is a goal only where
-      // inhibitors come back, since what has too little contrast within a few turns needs its freedom.
+      // Where a turn is more than enough for any light, time is none; and the
+      // last time it is a goal only where inhibitors come back, since what has
+      // too little contrast within a few turns needs its freedom.
       const bool free = goal->last() && !(bench.resupply_mj_cm3_s > 0);
       how.cap = goal->needs_cap() && !free ? detail::likely_cap(bench, goal->turns()) : 0;
       file.of_attempt(goal->attempt());
@@ -414,21 +444,24 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
     if (before && before->contrast_bound < 1 && !banded) {
       found = std::move(before);
     } else {
-      found = solve(quiet, projector, weights.target, asked.rays, closer);
+      found = solve(quiet, projector, *weights.target, asked.rays, closer);
       if (before && before->contrast_bound < found->contrast_bound) {
         found->contrast_bound = before->contrast_bound;
         found->bound_slice = before->bound_slice;
       }
     }
-    if (banded) detail::without_weights(quiet, *asked.projector, asked.target, *found);
+    if (banded) detail::without_weights(quiet, *asked.projector, *asked.target, *found);
     if (found->contrast_bound < 1 && !banded) {
       if (options.evidence) {
-        options.evidence(evidence_of(*found, asked.target, part, options, job.sampling));
+        options.evidence(evidence_of(*found, *asked.target, part, options, job.sampling));
       }
       throw InfeasibleError(fmt::format(
-          "no light prints this part{}: where it is hardest, in slice {} ({:.3f} mm above the "
-          "optical axis), void gets at least 1/{:.4f} of the part's least dose, whatever is shown; "
-          "expected less absorption (alpha R is {:.3g}), or a part with more room",
+          "no light prints this part{}: where it is hardest, in slice {} "
+          "({:.3f} mm above the "
+          "optical axis), void gets at least 1/{:.4f} of the part's least "
+          "dose, whatever is shown; "
+          "expected less absorption (alpha R is {:.3g}), or a part with more "
+          "room",
           spreads ? fmt::format(", of which the dose spreads by {:.3g} um in {} turns",
                                 1e3 * detail::spread_mm(bench, resin, passes.back()), passes.back())
                   : std::string(),
@@ -480,7 +513,7 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
   exposure.most_time_s = options.most_time_s;
   Array<float> full = std::move(solution.dose);
   for (float& d : full) d = static_cast<float>(d * brightest);
-  const PrintTime time = plan_time(quiet, *asked.projector, asked.target, full, exposure);
+  const PrintTime time = plan_time(quiet, *asked.projector, *asked.target, full, exposure);
 
   job.part = part;
   job.insert = options.insert;
@@ -510,6 +543,23 @@ Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer&
   print.figures = figures;
   print.figures.contrast_bound = print.job.contrast_bound;
   return print;
+}
+
+}  // namespace
+
+Bench check_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer& printer,
+                  const Resin& resin, const PrintOptions& options) {
+  const PrintOptions with = in_vial(options, part, printer, voxel_mm);
+  Bench bench = place_of(part, voxel_mm, printer, resin, with).bench;
+  detail::target_of(bench, part, with.insert);
+  return bench;
+}
+
+Print solve_print(const Box<std::uint8_t>& part, double voxel_mm, const Printer& printer,
+                  const Resin& resin, const PrintOptions& options,
+                  const ExecutionContext& context) {
+  return solve_in(part, voxel_mm, printer, resin, in_vial(options, part, printer, voxel_mm),
+                  context);
 }
 
 }  // namespace slicecorr::tomo

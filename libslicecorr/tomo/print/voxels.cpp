@@ -14,6 +14,7 @@
 #include "slicecorr/slice.hpp"
 #include "slicecorr/tomo/print.hpp"
 #include "slicecorr/vial.hpp"
+#include "slicecorr/vial_outline.hpp"
 
 namespace slicecorr::tomo {
 
@@ -74,6 +75,31 @@ void detail::check_in_vial(int n, int x, int y, int z, double voxel_mm, const Pr
       "resin ends at {:g} mm; expected an insert inside the vial",
       distance_mm(n, x, y, voxel_mm), (x - 0.5 * (n - 1)) * voxel_mm,
       (y - 0.5 * (n - 1)) * voxel_mm, z, inner_mm));
+}
+
+Box<std::uint8_t> detail::beside_resin(const Box<std::uint8_t>& part, const Printer& printer,
+                                       double voxel_mm) {
+  Box<std::uint8_t> beside = empty_box(part.nz, part.ny, part.nx);
+  const ResinArea area(*printer.vial);
+  for (int y = 0; y < part.ny; ++y) {
+    for (int x = 0; x < part.nx; ++x) {
+      const FlatPoint place{(x - 0.5 * (part.nx - 1)) * voxel_mm,
+                            (y - 0.5 * (part.ny - 1)) * voxel_mm};
+      // What is farther away than all resin is in no grid of light.
+      if (std::hypot(place.x_mm, place.y_mm) > printer.vial->inner_mm * (1 + 1e-9)) continue;
+      if (area.has(place)) continue;
+      for (int z = 0; z < part.nz; ++z) {
+        beside.values[beside.at(z, y, x)] = 255;
+        if (part.values[part.at(z, y, x)] < 255) continue;
+        throw InputError(fmt::format(
+            "the part reaches into the vial's wall or a rod at x = {:.3f}, y = {:.3f} mm from the "
+            "axis in slice {}; expected it within the resin, whose wall is {:.3f} mm from the axis "
+            "where it is nearest",
+            place.x_mm, place.y_mm, z, nearest_wall_mm(*printer.vial)));
+      }
+    }
+  }
+  return beside;
 }
 
 namespace {

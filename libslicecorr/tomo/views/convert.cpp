@@ -22,6 +22,7 @@
 #include "support/files/temporary.hpp"
 #include "support/text/ascii.hpp"
 #include "support/text/natural.hpp"
+#include "tomo/print/voxels.hpp"
 #include "tomo/views/image_folder.hpp"
 
 namespace slicecorr::tomo {
@@ -194,6 +195,9 @@ TomoJob job_of_images(const ImageSequence& sequence, const Printer& printer, con
     }
   }
 
+  if (printer.vial->traced()) {
+    job.insert = detail::beside_resin(job.part, printer, job.sampling.voxel_mm);
+  }
   job.levels.assign(grid.blocks() * grid.light_of_block(), 0);
   const int levels = printer.levels();
   std::size_t beside = 0;

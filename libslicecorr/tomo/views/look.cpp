@@ -69,6 +69,9 @@ void check_job(const TomoJob& job) {
   if (slices_share_light(job.printer, job.resin)) {
     refuse("a camera is taken to see parallel lines, and this printer's light rises or spreads");
   }
+  if (job.printer.vial->traced()) {
+    refuse("a camera is taken to look through a round vial without rods");
+  }
   if (!job.insert.values.empty()) refuse("an insert hides from the camera what lies behind it");
   if (job.resin.inhibition_resupply_mj_cm3_s > 0 || job.resin.dose_diffusion_m2_s > 0) {
     refuse("in this resin dose does not grow evenly from turn to turn");

@@ -10,6 +10,7 @@
 #pragma once
 
 #include <memory>
+#include <string>
 #include <vector>
 
 #include "slicecorr/process.hpp"
@@ -19,6 +20,10 @@
 #include "slicecorr/tomo/rays.hpp"
 
 namespace slicecorr::tomo {
+
+namespace detail {
+struct TracedLight;
+}
 
 /// What is to be computed on.
 struct Sampling {
@@ -133,6 +138,9 @@ struct Bench {
   PixelWindow window;  ///< of frames, that shows the grid's light
   FramePlaces places;  ///< of pixels that are not grouped
   bool clockwise = true;
+  /// Of a vial that is not round or has rods (`Vial::traced`): how its light is traced. Null of others;
+  /// `rays` are nearly its lines then, to begin with.
+  std::shared_ptr<const detail::TracedLight> traced;
   /// Frames are shown in order while the vial turns; this one is shown at angle m.
   int frame_of_angle(int m) const { return clockwise || m == 0 ? m : grid.angles - m; }
 };
@@ -152,6 +160,9 @@ bool slices_share_light(const Printer& printer, const Resin& resin);
 /// or wobbles.
 Bench make_bench(const Printer& printer, const Resin& resin, const Sampling& sampling);
 
+/// What to say of a turbid resin whose light is scattered so often that doses are less sure; empty: nothing.
+std::string doubt_of_turbidity(const Printer& printer, const Resin& resin);
+
 /// z on the axis of a row of the grid's light, mm.
 double z_of_row(const Bench& bench, int row);
 /// The row whose light comes nearest to the middle of a slice on the axis.
@@ -162,6 +173,9 @@ Light light_of_groups(const Bench& groups, const Light& light, const Bench& pixe
 
 /// The operators of a bench, around an insert (of its grid) or none.
 std::shared_ptr<const Projector> make_projector(const Bench& bench, const Volume* insert = nullptr);
+
+/// Memory of the weights that the operators of traced light keep, bytes, nearly; 0 of other light.
+double bytes_of_weights(const Bench& bench);
 
 /// How closely operators that look for light follow the turn of the vial.
 enum class Search { rough, close };

@@ -33,6 +33,15 @@ struct Limit {
   double mm = 0;
 };
 
+/// What light of all the image reaches, of a vial that is not round or has rods, turned by an angle.
+struct LitAt {
+  double turned_deg = 0;
+  double lit = 1;           ///< share of the resin's area
+  double dark_from_mm = 0;  ///< where resin without light is nearest to the axis; 0: nowhere
+  double reflected =
+      0;  ///< share of the light that meets the vial which its walls send back as a whole
+};
+
 struct Limits {
   double radius_mm = 0;
   int angles = 0;
@@ -50,6 +59,8 @@ struct Limits {
   /// Of initiator for that, g for a kg of resin; negative where the resin absorbs more without any; 0 where
   /// there is no recipe. `grams_now`: for the absorption that the resin's file says.
   double grams_per_kg = 0, grams_now = 0;
+  /// Every 5 degrees of a turn; empty for round vials without rods, of which the reach says it.
+  std::vector<LitAt> turned{};
   std::string to_json() const;
 };
 

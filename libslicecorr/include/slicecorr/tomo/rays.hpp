@@ -65,7 +65,19 @@ struct PixelProfile {
 struct DepthShare {
   double from_mm = -std::numeric_limits<double>::infinity(), peak_mm = 0,
          to_mm = std::numeric_limits<double>::infinity();
+  /// In place of these: the shares at ways of 0, `step_mm` and so on, linear between, the last one beyond.
+  std::shared_ptr<const std::vector<float>> table{};
+  double step_mm = 1;
+
+  /// Whether all light is counted, from wherever it comes.
+  bool all() const { return !table && std::isinf(from_mm) && std::isinf(to_mm); }
   double at(double way_mm) const {
+    if (table) {
+      const double f = std::clamp(way_mm / step_mm, 0.0, static_cast<double>(table->size() - 1));
+      const auto i = std::min(static_cast<std::size_t>(f), table->size() - 2);
+      const double w = f - static_cast<double>(i);
+      return (1 - w) * (*table)[i] + w * (*table)[i + 1];
+    }
     const double end_mm = way_mm < peak_mm ? from_mm : to_mm;
     if (std::isinf(end_mm)) return 1;
     return std::max(0.0, (end_mm - way_mm) / (end_mm - peak_mm));

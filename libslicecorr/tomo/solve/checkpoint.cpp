@@ -20,7 +20,7 @@ namespace slicecorr::tomo::detail {
 
 namespace {
 
-constexpr std::array<char, 24> kMagic{"slicecorr tomo solve 3\n"};
+constexpr std::array<char, 24> kMagic{"slicecorr tomo solve 4\n"};
 
 struct CloseFile {
   void operator()(std::FILE* file) const { std::fclose(file); }
@@ -192,7 +192,8 @@ std::optional<SolverState> CheckpointFile::read(const Shape& shape) {
   in.field(dose);
   in.numbers(state.dose, dose != 0 ? shape.field() : 0);
   in.numbers(state.best.light, shape.light());
-  in.numbers(state.best.dose, shape.field());
+  in.field(dose);
+  in.numbers(state.best.dose, dose != 0 ? shape.field() : 0);
   const std::uint64_t hash = in.hash();
   std::uint64_t written = 0;
   in.field(written);
@@ -226,6 +227,7 @@ void CheckpointFile::keep(const SolverPlace& place) {
   out.field(std::uint64_t{!place.dose.empty()});
   out.numbers(place.dose);
   out.numbers(place.best.light);
+  out.field(std::uint64_t{!place.best.dose.empty()});
   out.numbers(place.best.dose);
   const std::uint64_t hash = out.hash();
   out.field(hash);

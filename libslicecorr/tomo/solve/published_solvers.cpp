@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "base/kernels.hpp"
 
@@ -65,12 +66,15 @@ float largest(Array<float>& values) { return raise_all(values.data(), values.siz
 /// The best light of those that a solver passes through.
 class Best {
  public:
-  Best(const Target& target, Solution& solution) : target_(target), solution_(solution) {}
+  /// Without doses where they are computed again in the end: they take as much as a field.
+  enum class Keeps { light_and_dose, light };
+  Best(const Target& target, Solution& solution, Keeps keeps = Keeps::light_and_dose)
+      : target_(target), solution_(solution), keeps_(keeps) {}
 
-  /// Goes on from what another was offered.
-  void resume(const FoundLight& best) {
+  /// Goes on from what another was offered, with this dose of its light.
+  void resume(const FoundLight& best, const Array<float>& dose) {
     static_cast<FoundLight&>(solution_) = best;
-    solution_.metrics = measure_extremes(target_, best.dose);
+    solution_.metrics = measure_extremes(target_, dose);
     any_ = true;
   }
   /// By VER first, and then by process window.
@@ -80,7 +84,7 @@ class Best {
     if (any_ && !better) return;
     any_ = true;
     solution_.light = light;
-    solution_.dose = dose;
+    if (keeps_ == Keeps::light_and_dose) solution_.dose = dose;
     solution_.metrics = m;
   }
   /// Scales to 1 at the weakest gel voxel.
@@ -96,6 +100,7 @@ class Best {
  private:
   const Target& target_;
   Solution& solution_;
+  Keeps keeps_;
   bool any_ = false;
 };
 
@@ -136,16 +141,19 @@ void record(const Target& target, const Light& light, const Field& dose, int ste
 
 void run_osmo(const ExecutionContext& context, const Projector& projector, const Target& target,
               const SolveOptions& options, Solution& solution) {
-  Best best(target, solution);
+  Best best(target, solution, Best::Keeps::light);
   Field model = filtered_model(context, target, options.window);
   Light light(target.grid);
   Field dose(target.grid);
+  const auto dose_of = [&](const Array<float>& of) {
+    adjoint(projector, context, of, dose.values);
+    const float most = largest(dose.values);
+    if (most > 0) scale(dose.values, 1.0 / most);
+  };
   const auto project = [&] {
     forward(projector, context, model.values, light.values);
     normalise(light.values);
-    adjoint(projector, context, light.values, dose.values);
-    const float most = largest(dose.values);
-    if (most > 0) scale(dose.values, 1.0 / most);
+    dose_of(light.values);
   };
   const auto high = static_cast<float>(options.osmo_high),
              low = static_cast<float>(options.osmo_low);
@@ -163,7 +171,8 @@ void run_osmo(const ExecutionContext& context, const Projector& projector, const
   if (options.resume != nullptr) {
     model.values = options.resume->numbers;
     step = options.resume->step;
-    best.resume(options.resume->best);
+    dose_of(options.resume->best.light);
+    best.resume(options.resume->best, dose.values);
     project();
   } else {
     project();
@@ -190,7 +199,10 @@ void run_osmo(const ExecutionContext& context, const Projector& projector, const
   }
   if (options.clip_sigma > 0) clip(target.grid, solution.light, options.clip_sigma);
   // The kept light has a maximum of 1 and its dose one of 1: bring them to one unit.
-  adjoint(projector, context, solution.light, solution.dose);
+  model.values = {};
+  light.values = {};
+  adjoint(projector, context, solution.light, dose.values);
+  solution.dose = std::move(dose.values);
   solution.metrics = measure_extremes(target, solution.dose);
   best.finish();
 }
@@ -229,7 +241,7 @@ void run_kelly(const ExecutionContext& context, const Projector& projector, cons
   if (options.resume != nullptr) {
     light.values = options.resume->numbers;
     step = options.resume->step;
-    best.resume(options.resume->best);
+    best.resume(options.resume->best, options.resume->best.dose);
   }
   for (; step < steps; ++step) {
     context.check_cancelled();

@@ -66,7 +66,7 @@ def built(build):
             *shlex.split(os.environ.get("CMAKE_ARGS", "")))  # fmt: skip
     jobs = str(os.cpu_count() or 1)
     run("cmake", "--build", build, "--parallel", jobs, "--target", "slicecorr-c", "slicecorr-images", "slicecorr-meshes",
-        "slicecorr-tar")  # fmt: skip
+        "slicecorr-tar", "slicecorr-tuning")  # fmt: skip
     return build
 
 
@@ -79,7 +79,7 @@ def files_of(build):
     files["slicecorr/_location.py"] = f'LIBRARY = "lib/{soname}"\n'.encode()
     files[f"slicecorr/lib/{soname}"] = library.read_bytes()
     for path in sorted((build / "lib/slicecorr").glob("slicecorr-*.so")):
-        if path.stem in ("slicecorr-images", "slicecorr-meshes", "slicecorr-tar"):
+        if path.stem in ("slicecorr-images", "slicecorr-meshes", "slicecorr-tar", "slicecorr-tuning"):
             files[f"slicecorr/lib/slicecorr/{path.name}"] = path.read_bytes()
     for folder, inside in (("db", ""), ("printers", "printers/")):
         for path in sorted((ROOT / "resins" / folder).rglob("*")):

@@ -494,6 +494,59 @@ class Archives(unittest.TestCase):
             self.assertIn("another part", str(caught.exception))
 
 
+class Scans(unittest.TestCase):
+    """Tuning by scans."""
+
+    def test_scans_make_the_next_print_right(self):
+        """As the program tunes; the next correction, by what was found, is right by what is true."""
+        with tempfile.TemporaryDirectory() as name:
+            folder = pathlib.Path(name)
+            (folder / "small.toml").write_text(DISPLAY)
+
+            def program(*words):
+                done = subprocess.run([PROGRAM, *map(str, words)], capture_output=True, text=True)
+                self.assertEqual(done.returncode, 0, done.stderr)
+                return done.stdout
+
+            resin = 'name = "{}"\n[cure]\nabsorbance_height_um = {}\nabsorbance_base = 10\ncritical_dose_mj_cm3 = {}\n'
+            believed, real = folder / "believed.toml", folder / "real.toml"
+            believed.write_text(resin.format("believed", 600, 576))
+            real.write_text(resin.format("real", 636, 576 * 1.04 / 1.06))
+            boxes = [((0, 0, 0), (2.2, 1.6, 0.4)), ((0, 0, 0.4), (0.6, 1.6, 3)), ((0.6, 0, 1), (2, 0.7, 1.4)),
+                     ((0.6, 0.9, 2), (1.6, 1.6, 2.5))]
+            part, target = folder / "part.obj", folder / "target.uvj"
+            stack, printed, after = folder / "part.uvj", folder / "printed.ply", folder / "next.uvj"
+            part.write_text("".join(box_obj(k, *box) for k, box in enumerate(boxes)))
+            printer = folder / "small.toml"
+            program("slice", part, "-o", target, "--printer", printer, "--layer-um", 50)
+            program("correct", target, "-o", stack, "--printer", printer, "--resin", believed, "--speed-mm-h", 600)
+            program("solid", stack, "-o", printed, "--resin", real)
+            found = slicecorr.tune_scans([printed], stack, printer=printer, resin=believed, scan_unit="mm")
+            told = program("tune", "--scan", printed, "--stack", stack, "--printer", printer, "--resin", believed,
+                           "--scan-unit", "mm")
+            self.assertTrue(told.startswith(found["text"]), (told, found["text"]))
+            self.assertTrue(found["inputs"]["absorbance_height_ln"]["told"])
+            self.assertAlmostEqual(found["inputs"]["absorbance_height_ln"]["change"], math.log(636 / 600), places=3)
+            self.assertLess(found["rms_after_um"], 0.1 * found["rms_before_um"])
+            slicecorr.correct(target, after, printer=slicecorr.Toml(found["printer_toml"]),
+                              resin=slicecorr.Toml(found["resin_toml"]), speed_mm_h=600)
+
+            def off(which):
+                text = program("verify", which, "--target", target, "--printer", printer, "--resin", real, "--speed-mm-h", 600,
+                               "--json", "-")
+                return json.loads(text)["height_error_um"]["mean_abs"]
+
+            self.assertGreater(off(stack), 3)
+            self.assertLess(off(after), 0.25 * off(stack))
+            (folder / "other.obj").write_text("".join(box_obj(0, (0, 0, 0), (2, 2, 2))))
+            with self.assertRaises(slicecorr.InputError) as caught:
+                slicecorr.tune_scans([folder / "other.obj"], stack, printer=printer, resin=believed)
+            self.assertIn("another part", str(caught.exception))
+            with self.assertRaises(slicecorr.InputError) as caught:
+                slicecorr.tune_scans([printed], target, printer=printer, resin=believed)
+            self.assertIn("no corrected stack", str(caught.exception))
+
+
 def box_obj(number, low, high):
     """A box, as the `number`th of an OBJ file."""
     corners = [(x, y, z) for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])]

@@ -38,6 +38,7 @@ TEST(CAbiPython, Operators) { expect_passes("Operators", "numpy"); }
 TEST(CAbiPython, SciPyTakesTheOperators) { expect_passes("SciPy", "scipy"); }
 TEST(CAbiPython, Jobs) { expect_passes("Jobs", "numpy"); }
 TEST(CAbiPython, Archives) { expect_passes("Archives", "numpy"); }
+TEST(CAbiPython, Scans) { expect_passes("Scans", "numpy"); }
 TEST(CAbiPython, Module) { expect_passes("Module", "numpy"); }
 TEST(CAbiPython, Documents) { expect_passes("Documents", "scipy"); }
 

@@ -243,6 +243,13 @@ TEST(CAbi, NullIsABadCallThatNamesTheArgument) {
   bad(slicecorr_scan_compare(nullptr, t, s, j, &new_figures), "scan");
   bad(slicecorr_scan_compare("scan.stl", nullptr, s, j, &new_figures), "stack");
   bad(slicecorr_scan_compare("scan.stl", t, s, j, nullptr), "figures");
+  const char* const scans[] = {"scan.stl", nullptr};
+  bad(slicecorr_tune_scans(nullptr, 1, t, s, j, &new_figures), "scans");
+  EXPECT_EQ(slicecorr_tune_scans(scans, 0, t, s, j, &new_figures), SLICECORR_BAD_CALL);
+  bad(slicecorr_tune_scans(scans, 2, t, s, j, &new_figures), "scans");
+  bad(slicecorr_tune_scans(scans, 1, nullptr, s, j, &new_figures), "stack");
+  bad(slicecorr_tune_scans(scans, 1, t, nullptr, j, &new_figures), "setup");
+  bad(slicecorr_tune_scans(scans, 1, t, s, j, nullptr), "figures");
   bad(slicecorr_plan(nullptr, s, j, &new_figures), "target");
   bad(slicecorr_plan(t, nullptr, j, &new_figures), "setup");
   bad(slicecorr_plan(t, s, j, nullptr), "figures");

@@ -385,6 +385,19 @@ SLICECORR_API slicecorr_status slicecorr_scan_compare(const char* scan,
                                                       slicecorr_job* job,
                                                       slicecorr_figures** figures);
 
+/** Finds what of printer and resin explains scans of prints of one stack (docs/scan.md): `count` paths of meshes, points or
+ *  volumes. `stack` is the archive that was printed; `setup` names the printer and resin that were believed (printer or
+ *  printer_toml, resin or resin_toml), and scan_unit and voxel_um where scans have them. `figures`: an object that has no
+ *  summary, with "inputs" (each with its change, sd, sd_before, and whether the scans tell it), "rms_before_um" and
+ *  "rms_after_um" of the surface as a whole, "unexplained" places, "text" for people, and "resin_toml" and
+ *  "printer_toml", the files with what was found. Nothing is written. A scan of another part is SLICECORR_BAD_INPUT. It needs the module
+ *  slicecorr-tuning.so, without which it is SLICECORR_DEVICE. */
+SLICECORR_API slicecorr_status slicecorr_tune_scans(const char* const* scans, size_t count,
+                                                    const slicecorr_stack* stack,
+                                                    const slicecorr_setup* setup,
+                                                    slicecorr_job* job,
+                                                    slicecorr_figures** figures);
+
 /** Finds how fast `target` can be printed with edges within tolerance_um (25 when not set) and a
  *  contrast of gap_contrast (0.05) in gaps, and what limits it; layer by layer the least exposure. The
  *  setup says neither. `figures`: those of `slicecorr plan --json` ("speed_mm_h", "curve.0.contrast");

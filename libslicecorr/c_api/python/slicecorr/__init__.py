@@ -19,7 +19,7 @@ from ._library import (
     library_path,
     version,
 )
-from .stacks import correct, scan_compare
+from .stacks import correct, scan_compare, tune_scans
 
 __version__ = version()
 __all__ = [
@@ -35,5 +35,6 @@ __all__ = [
     "correct",
     "library_path",
     "scan_compare",
+    "tune_scans",
     "version",
 ]

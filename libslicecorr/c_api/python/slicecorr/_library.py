@@ -126,6 +126,7 @@ def _load() -> ctypes.CDLL:
         "stack_free": free,
         "correct": (integer, [handle, handle, text, handle, out, out]),
         "scan_compare": (integer, [text, handle, handle, handle, out]),
+        "tune_scans": (integer, [ctypes.POINTER(text), size, handle, handle, handle, out]),
         "figures_json": (text, [handle]),
         "figures_free": free,
         "list_new": (integer, [text, out]),

@@ -4,8 +4,9 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
-from typing import Any, Callable, Optional, Union
+from typing import Any, Callable, Optional, Sequence, Union
 
 from ._library import Definition, Figures, Handle, Progress, Run, check, figures_of, function, setup_of
 
@@ -41,4 +42,22 @@ def scan_compare(scan: "Union[str, os.PathLike[str]]", stack: "Union[str, os.Pat
     printed, figures = Handle("stack"), Handle("figures")
     check(function("stack_open")(os.fsencode(stack), printed.out))
     Run(threads, progress, notice).call("scan_compare", os.fsencode(scan), printed, setup, ..., figures.out)
+    return figures_of(figures)
+
+
+def tune_scans(scans: "Sequence[Union[str, os.PathLike[str]]]", stack: "Union[str, os.PathLike[str]]", *,
+               printer: Definition, resin: Definition, threads: int = 0,
+               progress: Optional[Progress] = None, notice: Optional[Callable[[str], Any]] = None,
+               **settings: Any) -> Figures:
+    """Finds what of `printer` and `resin`, as they were believed, explains `scans` of prints of `stack`.
+
+    `scan_unit` and `voxel_um` say what the scans' numbers are. Returns what was found: "inputs", each with its change,
+    its sd before and now and whether the scans tell it; how far the surface is off as a whole before and after
+    ("rms_before_um", "rms_after_um"), "unexplained" places, "text" for people, and "resin_toml" and "printer_toml", the
+    files with what was found: `Toml` takes them for the next `correct`. Raises `InputError` for a scan of another part."""
+    setup = setup_of({"printer": printer, "resin": resin, **settings})
+    printed, figures = Handle("stack"), Handle("figures")
+    check(function("stack_open")(os.fsencode(stack), printed.out))
+    paths = (ctypes.c_char_p * len(scans))(*map(os.fsencode, scans))
+    Run(threads, progress, notice).call("tune_scans", paths, len(scans), printed, setup, ..., figures.out)
     return figures_of(figures)

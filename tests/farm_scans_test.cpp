@@ -58,7 +58,6 @@ TEST_F(FarmScans, AScanIsMeasuredAsByTheProgramAndKept) {
   EXPECT_EQ(all[0]["scans"][1]["number"], 2);
   EXPECT_TRUE(all[0]["drift"].is_null());
   EXPECT_THAT(farm("scans", {"--html", dir / "d.html"}).err, HasSubstr("3 or more"));
-  // Inputs of a job with scans stay for its next print.
   EXPECT_TRUE(farm::Queue(database()).knows_scan(s.folder));
   ASSERT_EQ(farm("scans", {"--job", "1", "--remove", "1"}).exit_code, 0);
   EXPECT_FALSE(fs::exists(at));
@@ -66,6 +65,16 @@ TEST_F(FarmScans, AScanIsMeasuredAsByTheProgramAndKept) {
   ASSERT_EQ(kept().size(), 1U);
   EXPECT_EQ(kept()[0].number, 2);
   EXPECT_EQ(farm("scans", {"--job", "1", "--remove", "1"}).exit_code, 2);
+  // What was left of a scan that nobody knows goes after a day.
+  const std::string folders = farm_dir() + "/scans/";
+  for (const char* name : {"of-the-test", "stray", "new"}) fs::create_directory(folders + name);
+  for (const char* name : {"of-the-test", "stray"}) {
+    fs::last_write_time(folders + name, fs::file_time_type::clock::now() - std::chrono::hours(25));
+  }
+  ASSERT_EQ(farm("gc").exit_code, 0);
+  EXPECT_TRUE(fs::exists(folders + "of-the-test"));
+  EXPECT_FALSE(fs::exists(folders + "stray"));
+  EXPECT_TRUE(fs::exists(folders + "new"));
 }
 
 /// Refused in words that have all of these, and nothing is left of it.
@@ -168,6 +177,26 @@ TEST(PrintsOverTime, WhatLiesBeyondIsToldOfTheLastPrintOnly) {
   means.push_back(0);
   EXPECT_EQ(farm::beyond_in_words(prints_of(dir, means)[0]), "");
   EXPECT_FALSE(prints_of(dir, {1, 2})[0].drift);
+}
+
+TEST(PrintsOverTime, InputsOfJobsWithScansStay) {
+  const FarmFolderOfTest dir;
+  TestClock clock;
+  farm::Queue queue(dir / "farm.sqlite", clock);
+  farm::NewJob j = job_with_key("k");
+  j.work.input_files = {"part.stl"};
+  const farm::JobId job = queue.submit({j}, "anna", "test", {{"part.stl", 5}}).at(0);
+  const auto claim = queue.claim(any_job(queue.start_service("local", 1, 1000)));
+  ASSERT_TRUE(queue.begin_commit(claim->token));
+  ASSERT_TRUE(queue.finish(claim->token, some_result(), ended(farm::Reason::none), false));
+  clock.wall += std::int64_t{2} * 24 * 3600 * 1000;
+  EXPECT_EQ(queue.unneeded_inputs(), std::vector<std::string>{"part.stl"});
+  KeptScan s;
+  s.job = job;
+  queue.add_scan(s);
+  EXPECT_TRUE(queue.unneeded_inputs().empty());
+  queue.remove_scan(job, 1, "anna");
+  EXPECT_EQ(queue.unneeded_inputs(), std::vector<std::string>{"part.stl"});
 }
 
 TEST(PrintsOverTime, AJobHasABoundedNumberOfScans) {

@@ -26,6 +26,7 @@ std::optional<ScanDrift> drift_of(const std::vector<KeptScan>& scans) {
   constexpr std::size_t least = 3;
   if (scans.size() < least) return std::nullopt;
   std::vector<DriftPrint> prints;
+  prints.reserve(scans.size());
   for (const KeptScan& s : scans) {
     prints.push_back(
         {print_name(s), print_name(s), "predicted", s.mean_um, s.mean_abs_um, s.p95_um});

@@ -35,7 +35,8 @@ void check_printed(const Job& job) {
 }
 
 /// One program of ours, which itself runs what it needs; its last word is the study's message.
-StudyPlan one_step(const char* kind, const std::string& what, std::vector<std::string> arguments) {
+StudyPlan one_step(const char* kind, const std::string& what,
+                   const std::vector<std::string>& arguments) {
   StudyPlan plan;
   plan.kind = kind;
   plan.steps = {{what, [arguments](const std::string&) { return arguments; }}};
@@ -136,14 +137,14 @@ void Api::new_scan(const Job& job, const std::string& text, const Asker& asker,
     arguments.push_back(fmt::format("--voxel-um={}", voxel->get<double>()));
   }
   const std::string token =
-      studies_.start(one_step("scan", "measuring the scan", std::move(arguments)), asker.name);
+      studies_.start(one_step("scan", "measuring the scan", arguments), asker.name);
   send_json(response, 202, studies_.state(token));
 }
 
 void Api::remove_scan(const Job& job, const std::string& number, const std::string& by,
                       httplib::Response& response) {
   Reader reader(*this);
-  const auto n = static_cast<int>(std::min<std::int64_t>(id_of(number), kMostScansOfJob * 1000));
+  const auto n = static_cast<int>(std::min<std::int64_t>(id_of(number), 1'000'000));
   for (const KeptScan& s : reader->scans(job.id)) {
     if (s.number != n) continue;
     Queue queue(folder_.database(), *options_.clock);
@@ -182,7 +183,7 @@ void Api::next_print(const Job& job, const std::string& text, const Asker& asker
                                         "--dir",     folder_.root, "--user",
                                         job.user,    "--json",     "next.json"};
   if (!numbers.empty()) arguments.push_back("--scan=" + numbers);
-  StudyPlan plan = one_step("next", "tuning by the scans", std::move(arguments));
+  StudyPlan plan = one_step("next", "tuning by the scans", arguments);
   plan.name = tuned_name(job.resin, job.id);
   plan.files.push_back(plan.name + ".toml");
   plan.files.push_back(tuned_name(job.printer, job.id) + ".toml");

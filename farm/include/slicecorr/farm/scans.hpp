@@ -44,7 +44,7 @@ struct TakenScan {
 /// Compares a scan with its job's print and keeps both. Throws where the job is not done, is
 /// tomographic, or its stack is not as it was; where the scan is too large, none of this part, or one
 /// more than `kMostScansOfJob`; where the farm's disk has less than its setting `min-free-mb` left.
-TakenScan take_scan(const FarmFolder& folder, const NewScan& scan);
+TakenScan take_scan(const FarmFolder& folder, const NewScan& given);
 /// Its files go. False: there is none.
 bool remove_scan(const FarmFolder& folder, Queue& queue, const KeptScan& scan,
                  const std::string& by);

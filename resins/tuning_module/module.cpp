@@ -103,6 +103,7 @@ std::string answer_to(const TuningCall& call) {
     scans.push_back(read_scan(scan, surface, reading, context));
   }
   std::vector<PrintScan> prints;
+  prints.reserve(scans.size());
   for (const Scan& scan : scans) prints.push_back({&scan, &shown, &setup.process});
   const TunePrior prior = prior_of(resin_file.text, resin_file.source, printer);
   const ScanTuneResult found = tune_by_scans(prints, setup, prior, {}, context);

@@ -197,7 +197,7 @@ std::optional<WrongVial> wrong_outline(const Vial& v) {
                                                 v.corner_mm, v.side_mm)};
     }
   } else if (v.shape == VialShape::outline) {
-    if (const auto wrong = wrong_corners(v)) return wrong;
+    if (auto wrong = wrong_corners(v)) return wrong;
   }
   return wrong_rods(v);
 }

@@ -23,7 +23,7 @@ std::vector<FlatPoint> outer_outline(const Vial& vial);
 std::vector<FlatPoint> inner_outline(const Vial& vial);
 
 /// Corners at which an outline turns by less than this belong to a curve, whose normals change evenly.
-inline constexpr double kSmoothCorner_deg = 15;
+inline constexpr double kSmoothCornerDeg = 15;
 
 /// Fills `outer_mm` and `inner_mm` of a vial that is not round: the farthest corners from the axis.
 void set_radii(Vial& vial);

@@ -97,9 +97,9 @@ struct ScatteredLight {
   DepthShare depth;
 };
 
-/// Of light that a turbid resin scatters: Gaussians from kLeastSigma_mm on, each twice as wide, the last one as
+/// Of light that a turbid resin scatters: Gaussians from kLeastSigmaMm on, each twice as wide, the last one as
 /// wide as the resin, which stands for all that leave it.
-constexpr double kLeastSigma_mm = 0.03;
+constexpr double kLeastSigmaMm = 0.03;
 std::vector<ScatteredLight> turbid_light(const Resin& resin, const BlurPlaces& places) {
   constexpr int kSteps = 48;
   const double reach = turbid_reach(resin.turbidity, places.most_way_mm);
@@ -112,7 +112,7 @@ std::vector<ScatteredLight> turbid_light(const Resin& resin, const BlurPlaces& p
             reach, places.most_way_mm, kMostTurbidity));
   }
   std::vector<double> sigmas{0};
-  for (double s = kLeastSigma_mm; sigmas.back() < places.most_way_mm; s *= 2) sigmas.push_back(s);
+  for (double s = kLeastSigmaMm; sigmas.back() < places.most_way_mm; s *= 2) sigmas.push_back(s);
   std::vector<std::vector<float>> shares(sigmas.size());
   const double step_mm = places.most_way_mm / kSteps;
   for (int k = 0; k <= kSteps; ++k) {

@@ -70,7 +70,7 @@ VialTrace::Face VialTrace::face_of(const std::vector<FlatPoint>& corners, double
     const FlatPoint d = to_length_1(plus(corners[(i + 1) % n], corners[i], -1));
     of_edge[i] = {d.y_mm, -d.x_mm};
   }
-  const double smooth = std::cos(kSmoothCorner_deg * std::numbers::pi / 180);
+  const double smooth = std::cos(kSmoothCornerDeg * std::numbers::pi / 180);
   std::vector<bool> curved(n);  // at the corner where an edge begins
   for (std::size_t i = 0; i < n; ++i) {
     curved[i] = dot(of_edge[(i + n - 1) % n], of_edge[i]) > smooth;

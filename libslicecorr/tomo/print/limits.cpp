@@ -41,7 +41,7 @@ void check_asked(const LimitsAsked& a) {
 /// How wide voxels are by which the resin is looked at, of its radius; and light below this share of even
 /// light is none.
 constexpr double kLookedAt = 1.0 / 40, kDark = 0.02;
-constexpr int kTurnedBy_deg = 5;
+constexpr int kTurnedByDeg = 5;
 
 std::vector<LitAt> lit_at(const Printer& printer, const Resin& resin) {
   // Walls and rods count, absorption does not.
@@ -55,7 +55,7 @@ std::vector<LitAt> lit_at(const Printer& printer, const Resin& resin) {
   const detail::TracedStrips strips(g, light, g.voxel_mm(), 0);
   const auto n = static_cast<std::size_t>(g.voxels);
   std::vector<LitAt> all;
-  for (int deg = 0; deg < 360; deg += kTurnedBy_deg) {
+  for (int deg = 0; deg < 360; deg += kTurnedByDeg) {
     const double th = deg * kDegree;
     LitAt at;
     at.turned_deg = deg;

@@ -75,12 +75,33 @@ TEST_F(ScanProgram, RefusesWhatIsNoScanOfThatPart) {
   bad(2, {"scan", "compare", "few.obj", "--design", "hook.stl"}, {"few.obj", "3 points"});
   bad(2, {"tune", "--scan", "ball.stl", "--printer", "small.toml", "--resin", "believed.toml"},
       {"--stack"});
-  bad(2, {"tune", "--stack", "part.uvj", "--printer", "small.toml", "--resin", "believed.toml"},
-      {"--scan"});
+  bad(2,
+      {"tune", "--stack", "part.uvj", "--printer", "small.toml", "--resin", "believed.toml", "-o",
+       "tuned.toml"},
+      {"needs a scan", "--scan"});
   bad(2,
       {"tune", "--scan", "ball.stl", "--stack", "target.uvj", "--printer", "small.toml", "--resin",
        "believed.toml"},
       {"no corrected stack"});
+}
+
+// Before anything is printed: a hook tells height and light, a plain block does not.
+TEST_F(ScanProgram, SaysWhatScansWouldTell) {
+  write_stl(folder_ / "block.stl", box({0, 0, 0}, {1.5, 1.5, 1.5}));
+  good({"run", "block.stl", "-o", "block.uvj", "--resin", "believed.toml", "--speed-mm-h", "600",
+        "--layer-um", "50", "--printer", "small.toml"});
+  const RunResult r = good({"tune", "--stack", "part.uvj", "block.uvj", "--printer", "small.toml",
+                            "--resin", "believed.toml", "--sigma-um", "5"});
+  EXPECT_THAT(r.out, AllOf(HasSubstr("points 5 um off"), HasSubstr("part         block"),
+                           HasSubstr("block would not tell apart")));
+  const std::size_t at = r.out.find("\nabsorbance height, %");
+  ASSERT_NE(at, std::string::npos) << r.out;
+  const std::string line = r.out.substr(at + 1, r.out.find('\n', at + 1) - at - 1);
+  double before = 0, after = 0;
+  EXPECT_EQ(std::sscanf(line.c_str(), "absorbance height, %% %lf %lf", &before, &after), 2) << line;
+  EXPECT_NEAR(before, 19.6, 0.1);
+  EXPECT_LT(after, 5);
+  EXPECT_THAT(line, testing::EndsWith("not told"));
 }
 
 TEST_F(ScanProgram, AScanMakesTheNextPrintRight) {

@@ -356,7 +356,8 @@ std::string compare_with_scan(const std::string& scan, const slicecorr_stack& st
     surfaces.push_back({"design", std::move(design)});
   }
   const PlaceModels models(setup.printer, setup.resin, setup.process, shown.grid(), shown.frame());
-  surfaces.push_back({"predicted", predicted_surface(shown, models, 5e6, context)});
+  surfaces.push_back(
+      {"predicted", predicted_surface(shown, models, kMostPredictedTriangles, context)});
   ScanAsk ask;
   if (!choices.scan_unit.empty()) ask.reading.unit = choices.scan_unit;
   ask.reading.voxel_um = choices.voxel_um;

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <vector>
@@ -75,12 +76,18 @@ struct MeshDistance::Impl {
   struct Corners {
     Point3 a, b, c;
   };
-  std::vector<Corners> triangles;
+  // As a mesh has them: corners of each triangle by itself would be three times as much.
+  std::vector<Point3> vertices;
+  std::vector<std::array<std::uint32_t, 3>> triangles;
   Point3 lower{}, upper{};
   double side = 1;
   std::array<int, 3> size{1, 1, 1};
   std::vector<std::uint32_t> begin, list;
 
+  Corners corners(std::uint32_t i) const {
+    const auto& t = triangles[i];
+    return {vertices[t[0]], vertices[t[1]], vertices[t[2]]};
+  }
   int cell(double v, std::size_t axis) const {
     return static_cast<int>(
         std::clamp(std::floor((v - lower[axis]) / side), 0.0, size[axis] - 1.0));
@@ -132,16 +139,17 @@ MeshDistance::MeshDistance(const TriangleMesh& mesh) : impl_(std::make_unique<Im
   s.lower.fill(std::numeric_limits<double>::infinity());
   s.upper.fill(-std::numeric_limits<double>::infinity());
   for (const auto& t : mesh.triangles) {
-    s.triangles.push_back({mesh.vertices.at(t[0]), mesh.vertices.at(t[1]), mesh.vertices.at(t[2])});
     for (const std::uint32_t v : t) {
       for (std::size_t k = 0; k < 3; ++k) {
-        const double x = mesh.vertices[v][k];
+        const double x = mesh.vertices.at(v)[k];
         if (!std::isfinite(x)) throw InputError("a corner of the design is not at a finite place");
         s.lower[k] = std::min(s.lower[k], x);
         s.upper[k] = std::max(s.upper[k], x);
       }
     }
   }
+  s.vertices = mesh.vertices;
+  s.triangles.assign(mesh.triangles.begin(), mesh.triangles.end());
   // About as many boxes along the surface as there are triangles.
   const Point3 d = minus(s.upper, s.lower);
   const double longest = std::max({d[0], d[1], d[2], 1e-9});
@@ -151,12 +159,15 @@ MeshDistance::MeshDistance(const TriangleMesh& mesh) : impl_(std::make_unique<Im
     s.size[k] = std::max(1, static_cast<int>(std::ceil(d[k] / s.side)));
   }
   s.begin.assign(s.index(0, 0, s.size[2]) + 1, 0);
-  for (const auto& t : s.triangles) s.boxes_of(t, [&](std::size_t box) { ++s.begin[box + 1]; });
+  const auto count = static_cast<std::uint32_t>(s.triangles.size());
+  for (std::uint32_t i = 0; i < count; ++i) {
+    s.boxes_of(s.corners(i), [&](std::size_t box) { ++s.begin[box + 1]; });
+  }
   for (std::size_t i = 1; i < s.begin.size(); ++i) s.begin[i] += s.begin[i - 1];
   s.list.resize(s.begin.back());
   std::vector<std::uint32_t> at(s.begin.begin(), s.begin.end() - 1);
-  for (std::uint32_t i = 0; i < s.triangles.size(); ++i) {
-    s.boxes_of(s.triangles[i], [&](std::size_t box) { s.list[at[box]++] = i; });
+  for (std::uint32_t i = 0; i < count; ++i) {
+    s.boxes_of(s.corners(i), [&](std::size_t box) { s.list[at[box]++] = i; });
   }
 }
 
@@ -186,7 +197,7 @@ void MeshDistance::Impl::search(const Point3& point, double most, const Visit& v
         const std::size_t box = index(x, y, z);
         if (begin[box] == begin[box + 1] || square_to_box(point, {x, y, z}) >= best) continue;
         for (std::uint32_t i = begin[box]; i < begin[box + 1]; ++i) {
-          const Corners& t = triangles[list[i]];
+          const Corners t = corners(list[i]);
           const double distance = square_to_triangle(point, t.a, t.b, t.c);
           best = std::min(best, distance);
           visit(list[i], distance);
@@ -217,7 +228,7 @@ std::optional<NearestPlace> MeshDistance::nearest(const Point3& point, double mo
   s.search(point, best, [&](std::uint32_t triangle, double distance) {
     // Triangles that meet at the nearest point are equally far to some digits.
     if (distance > best * (1 + 1e-9) + 1e-24) return;
-    const Impl::Corners& t = s.triangles[triangle];
+    const Impl::Corners t = s.corners(triangle);
     const Point3 n = cross(minus(t.b, t.a), minus(t.c, t.a));
     const double length = std::sqrt(square(n));
     if (!(length > 0)) return;

@@ -35,6 +35,16 @@ class OnPlate {
     x = static_cast<Number>(across);
     y = static_cast<Number>(plate_y_mm_ - down);
   }
+  /// Back from the plate to images.
+  void take_off(double& x, double& y) const {
+    if (back_.is_identity()) return;
+    double across = x, down = plate_y_mm_ - y;
+    if (back_.flip_x) across = plate_x_mm_ - across;
+    if (back_.flip_y) down = plate_y_mm_ - down;
+    if (back_.swap_axes) std::swap(across, down);
+    x = across;
+    y = height_mm_ - down;
+  }
   void place(Triangle& t) const {
     for (auto& corner : t) place(corner[0], corner[1]);
     // A mirror image would show its inside.

@@ -419,6 +419,10 @@ PrintedSurface surface_of(const SliceSource& stack, const PlaceModels& models,
   if (black_gels(models.brightest(), stack)) lit = {0, 0, grid.width_px, grid.height_px};
   const detail::SpreadLight spread(models, grid, stack.frame());
   if (!spread.none()) lit = spread.around(lit);
+  if (options.rows) {
+    lit.y0 = std::max(lit.y0, (*options.rows)[0]);
+    lit.y1 = std::min(lit.y1, (*options.rows)[1]);
+  }
   const OnPlate plate(stack);
   PrintedSurface surface;
   if (keep) surface.store = std::make_unique<BlobStore>(scratch_folder, kMemoryBudget, context);
@@ -456,7 +460,7 @@ PrintedSurface surface_of(const SliceSource& stack, const PlaceModels& models,
       all.distance_um.merge(r.distance_um);
     }
   }
-  if (keep && surface.report.triangles == 0) {
+  if (keep && !options.rows && surface.report.triangles == 0) {
     throw InputError(
         "nothing of the stack prints: the dose reaches 1 nowhere; expected a stack made for this "
         "printer, resin and speed");
@@ -465,6 +469,12 @@ PrintedSurface surface_of(const SliceSource& stack, const PlaceModels& models,
 }
 
 }  // namespace
+
+double image_row_of(const SliceSource& stack, double x_mm, double y_mm) {
+  OnPlate(stack).take_off(x_mm, y_mm);
+  const Grid& g = stack.grid();
+  return g.height_px - y_mm * 1e3 / g.pixel_y_um;
+}
 
 double SolidSize::triangles(int reduce) const {
   return of_areas / (static_cast<double>(reduce) * reduce) + of_walls / reduce;

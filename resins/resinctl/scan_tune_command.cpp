@@ -164,7 +164,39 @@ void check_options(const cli::TuneOptions& a, const std::string& printer_output)
   }
 }
 
+ScanTuneOptions options_of(const cli::TuneOptions& a) {
+  ScanTuneOptions options;
+  for (const std::string& word : a.seek) {
+    options.seek.push_back(word == "spread" ? ScanInput::spread : ScanInput::scatter);
+  }
+  return options;
+}
+
 }  // namespace
+
+int forecast_scans_command(const cli::TuneOptions& a, const ExecutionContext& context) {
+  for (const std::string& path : {a.output, a.printer_output, a.next, a.target}) {
+    if (path.empty()) continue;
+    throw InputError(
+        path, "",
+        "needs a scan; expected --scan, too, or --stack alone, which says what scans would tell");
+  }
+  const std::string resin_path = find_definition(a.resin, "resin");
+  const std::string printer_path = find_definition(a.printer, "printer");
+  const Printer printer = load_printer(printer_path);
+  refuse_relative(printer, "what is known of stray light before tuning");
+  const TunePrior prior = prior_of(read_text_file(resin_path), resin_path, printer);
+  std::vector<ScanForecast> parts;
+  for (const std::string& path : a.stacks) {
+    const Printed p = printed_of(a, path, printer_path, resin_path, context);
+    parts.push_back(forecast_scan({nullptr, &p.shown(), &p.setup.process}, p.setup, prior,
+                                  a.sigma_um, options_of(a), context));
+    parts.back().part = std::filesystem::path(path).stem().string();
+  }
+  cli::print_result(fmt::format("known before: {}\n", prior.text) +
+                    forecast_text(parts, a.sigma_um));
+  return cli::kDone;
+}
 
 int tune_by_scans_command(const cli::TuneOptions& a, const ExecutionContext& context,
                           cli::Console& console) {
@@ -197,7 +229,8 @@ int tune_by_scans_command(const cli::TuneOptions& a, const ExecutionContext& con
   for (const std::string& path : a.stacks)
     prints.push_back(printed_of(a, path, printer_path, resin_path, context));
   const std::vector<Scan> scans = read_scans(a, prints, context);
-  ScanTuneResult found = tune_by_scans(paired(scans, prints), prints[0].setup, prior, {}, context);
+  ScanTuneResult found =
+      tune_by_scans(paired(scans, prints), prints[0].setup, prior, options_of(a), context);
   if (!found.tuned.lift_exchange) found.tuned.lift_exchange = lift_exchange;
   Printer renamed = printer;
   if (!printer_output.empty()) renamed.name = name_in_file(printer_output, printer.name);

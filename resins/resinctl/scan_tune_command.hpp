@@ -40,6 +40,8 @@ struct PrinterToTune {
 void write_tuned(const ResinToTune& resin, const PrinterToTune& printer,
                  const resins::TuneResult& found, cli::Console& console);
 
+/// What scans of the stacks would tell, before there are any.
+int forecast_scans_command(const cli::TuneOptions& a, const ExecutionContext& context);
 int tune_by_scans_command(const cli::TuneOptions& a, const ExecutionContext& context,
                           cli::Console& console);
 

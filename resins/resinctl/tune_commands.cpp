@@ -215,8 +215,10 @@ int tune_command(const cli::TuneOptions& a, const ExecutionContext& context,
     }
   };
   if (!a.scans.empty()) return tune_by_scans_command(a, context, console);
+  if (!a.stacks.empty() && a.tables.empty()) return forecast_scans_command(a, context);
   std::vector<std::string> of_scans = a.stacks;
   of_scans.insert(of_scans.end(), {a.next, a.target});
+  of_scans.insert(of_scans.end(), a.seek.begin(), a.seek.end());
   for (const std::string& path : of_scans) {
     if (!path.empty()) {
       throw InputError(path, "", "belongs to scans; expected --scan, too, or only tables");

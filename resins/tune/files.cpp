@@ -20,6 +20,13 @@
 
 namespace slicecorr::resins {
 
+namespace {
+
+constexpr const char* kFoundInScans = "# As slicecorr tune found it in scans.";
+constexpr const char* kScatterKey = "scatter_um2_per_um";
+
+}  // namespace
+
 std::string tuned_with(const Printer& printer, bool exchange) {
   return fmt::format("{}{}stray_mw_cm2{}: ", printer_and_light(printer), kTunedFigures,
                      exchange ? ", exchange" : "");
@@ -65,7 +72,7 @@ std::string resin_with_tuning(const std::string& text, const std::string& source
   if (const auto& shrinkage = result.shrinkage) {
     const auto put = [&](const char* table, const char* key, double value) {
       edit.set(table, key, toml_number(value));
-      edit.set_comment(table, key, "# As slicecorr tune found it in scans.");
+      edit.set_comment(table, key, kFoundInScans);
     };
     if (shrinkage->plane_per_cent != before.shrinkage.plane_per_cent) {
       put("shrinkage", "plane", shrinkage->plane_per_cent);
@@ -78,6 +85,14 @@ std::string resin_with_tuning(const std::string& text, const std::string& source
       put("first_layers", "height_um", shrinkage->height_um);
     }
   }
+  const auto found = [&](const char* table, const char* key, double value) {
+    edit.set(table, key, toml_number(value, 6));
+    edit.set_comment(table, key, kFoundInScans);
+  };
+  if (result.scatter_um2_per_um) {
+    found(edit.has("", kScatterKey) ? "" : "cure", kScatterKey, *result.scatter_um2_per_um);
+  }
+  if (result.uv_beta) found("inhibition", "beta", *result.uv_beta);
   // From now on it is a resin of this light.
   if (other_wavelength(printer, before)) {
     edit.set("cure", "wavelength_nm", toml_number(printer.wavelength_nm));
@@ -133,6 +148,20 @@ std::string printer_with_tuning(const std::string& text, const std::string& sour
                     "with a standard deviation of {:.2g}.",
                     at(result.covariance)));
   }
+  if (result.spread) {
+    std::string gaussians;
+    for (const SpreadGaussian& g : result.spread->gaussians) {
+      gaussians += fmt::format("{}[{}, {}]", gaussians.empty() ? "" : ", ",
+                               toml_number(g.sigma_um, 6), toml_number(g.weight, 6));
+    }
+    if (gaussians.empty()) {
+      edit.remove("blue", "spread");
+    } else {
+      edit.set("blue", "spread", "[" + gaussians + "]");
+      edit.set_comment("blue", "spread", kFoundInScans);
+    }
+  }
+  parse_printer(edit.text(), source);
   return edit.text();
 }
 

@@ -4,21 +4,39 @@
 // What scans told, in words.
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "slicecorr/resins/scan_tune.hpp"
+#include "tune/scan_inputs.hpp"
 
 namespace slicecorr::resins {
+
+namespace {
+
+/// What of these prints was taken for what the files say, and what tells it.
+std::string not_sought(const ScanTuneResult& r, const Printer& printer) {
+  std::string what;
+  if (!r.finding(ScanInput::spread).sought) {
+    what += printer.spread.picture ? "light that spreads as a picture says, "
+                                   : "light that spreads (none is believed to, unless asked), ";
+  }
+  if (!r.finding(ScanInput::scatter).sought) {
+    what += "light that scatters (none is believed to, unless asked), ";
+  }
+  return "not sought: " + what +
+         "black that differs from place to place; the parts spread and flat-field tell them\n";
+}
+
+}  // namespace
 
 std::string ScanTuneResult::to_text(const Printer& printer, const Resin& resin,
                                     const TunePrior& prior) const {
   std::string out = fmt::format("known before: {}\n\n", prior.text);
   out += fmt::format("{:34} {:>11} {:>22}   {}\n", "", "found", "95 % within", "");
-  const auto of = [&](ScanInput input) -> const ScanFinding& {
-    return findings[static_cast<std::size_t>(input)];
-  };
   const auto line = [&](const char* name, ScanInput input, auto in_unit) {
-    const ScanFinding& f = of(input);
+    const ScanFinding& f = finding(input);
+    if (!f.sought) return;
     const double low = in_unit(f.value - 1.96 * f.sd), high = in_unit(f.value + 1.96 * f.sd);
     out += fmt::format("{:34} {:11.5g} {:>22}   {}\n", name, in_unit(f.value),
                        fmt::format("{:.5g} to {:.5g}", std::min(low, high), std::max(low, high)),
@@ -27,12 +45,10 @@ std::string ScanTuneResult::to_text(const Printer& printer, const Resin& resin,
   line("absorbance height, um", ScanInput::ha,
        [&](double x) { return resin.absorbance_height10_um * std::exp(x); });
   line("light over dose, to before", ScanInput::light, [](double x) { return std::exp(x); });
-  const double light = std::exp(-of(ScanInput::light).value);
+  const double light = std::exp(-finding(ScanInput::light).value);
   line("stray light, mW/cm²", ScanInput::stray, [&](double x) { return x * light; });
-  if (tuned.lift_exchange) {
-    line("exchanged at a lift, share", ScanInput::exchange,
-         [&](double x) { return exchange_before(printer) + x; });
-  }
+  line("exchanged at a lift, share", ScanInput::exchange,
+       [&](double x) { return std::clamp(exchange_before(printer) + x, 0.0, 1.0); });
   // Beside what the file says already.
   const auto per_cent = [](double before) {
     return [before](double x) { return 100 - (100 - before) * (1 - x); };
@@ -43,6 +59,12 @@ std::string ScanTuneResult::to_text(const Printer& printer, const Resin& resin,
   line("walls stand out by, um", ScanInput::walls, [](double mm) { return 1e3 * mm; });
   line("first layers grow by, um", ScanInput::first_layers,
        [&](double mm) { return s.growth_um + 1e3 * mm; });
+  line("light spreads, um", ScanInput::spread,
+       [&](double um) { return std::max(0.0, spread_width_um(printer.spread) + um); });
+  line("light scatters, um² per um", ScanInput::scatter,
+       [&](double x) { return std::max(0.0, resin.scatter_um2_per_um + x); });
+  line("beta of the dead zone", ScanInput::dead_zone,
+       [&](double x) { return resin.inhibition ? resin.inhibition->beta * std::exp(x) : 0; });
   out += fmt::format(
       "\n{} points of {} scan{}, {} left out (beside the part, or where the surface comes and goes); noise of a point "
       "{:.3g} um\n",
@@ -55,9 +77,7 @@ std::string ScanTuneResult::to_text(const Printer& printer, const Resin& resin,
     out += fmt::format("the resin {}: slices of meshes count it from now on\n",
                        shrinkage_in_words(*tuned.shrinkage));
   }
-  out +=
-      "not sought in scans: light that spreads or scatters, black that differs from place to place, the dead zone "
-      "under UV light; the parts spread, flat-field and dead-zone tell them\n";
+  out += not_sought(*this, printer);
   for (const std::string& text : not_apart) out += "not told apart by these parts: " + text + "\n";
   for (const Unexplained& u : unexplained) {
     out += fmt::format(

@@ -177,6 +177,8 @@ struct ComparedScan {
 /// `register_scan`, and where there is no surface.
 ComparedScan compare_scan(const std::string& path, const std::vector<ScanSurface>& surfaces,
                           const ScanAsk& ask = {}, const ExecutionContext& context = {});
+/// Of what is predicted in one piece: half a gigabyte with the distances to it.
+inline constexpr double kMostPredictedTriangles = 1e7;
 /// What a stack is predicted to print, with about `most_triangles` at most: where it would have more, every second pixel
 /// (third, ...) is taken, which is told.
 TriangleMesh predicted_surface(const SliceSource& shown, const PlaceModels& models,

@@ -92,7 +92,11 @@ SolidSize size_of_solid(const SliceSource& stack, const PlaceModels& models,
 struct SolidOptions {
   int reduce = 1;                        ///< take every Nth pixel in x and y, 1..64
   const MeshDistance* design = nullptr;  ///< measures the distance of the surface, when given
+  /// Draw what these rows of the image show alone, [first, past); nothing: all. Where it is cut it may stand open.
+  std::optional<std::array<int, 2>> rows{};
 };
+/// In which row of the images a place of the plate is shown; may lie beside them.
+double image_row_of(const SliceSource& stack, double x_mm, double y_mm);
 
 struct SolidReport {
   std::uint64_t triangles = 0;

@@ -31,7 +31,8 @@ void TuneOptions::add_to(CLI::App& app, bool required) {
       ->expected(1, 1000);
   app.add_option(
          "--stack", stacks,
-         "Scans: the corrected stack that was printed, one for all scans or one for each in their order")
+         "Scans: the corrected stack that was printed, one for all scans or one for each in their order; without scans: "
+         "what a scan of each would tell, to --sigma-um")
       ->take_all()
       ->expected(1, 1000);
   app.add_option("--scan-unit", scan_unit,
@@ -41,6 +42,13 @@ void TuneOptions::add_to(CLI::App& app, bool required) {
   app.add_option("--voxel-um", voxel_um,
                  "Scans that are volumes (.npy, a folder of TIFF slices): side of a voxel")
       ->check(number_above_zero());
+  app.add_option(
+         "--seek", seek,
+         "Scans: spread or scatter, where the files say nothing of light that spreads at the window or "
+         "scatters in the resin; else there is none")
+      ->take_all()
+      ->expected(1, 2)
+      ->check(CLI::IsMember({"spread", "scatter"}));
   app.add_option(
       "--next", next,
       "Scans: stack to write, --target corrected with what was found (.uvj, or another format)");

@@ -22,7 +22,8 @@ struct TuneOptions {
   std::vector<std::string>
       stacks;  ///< of the scans: what was printed; one for all, or one for each
   std::string scan_unit = "auto";
-  double voxel_um = 0;       ///< of volumes
+  double voxel_um = 0;  ///< of volumes
+  std::vector<std::string> seek;
   std::string next, target;  ///< a stack to correct anew, of this design
   CLI::Option* other_wavelength = nullptr;
   /// `required`: printer and resin must be given.

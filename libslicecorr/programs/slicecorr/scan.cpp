@@ -56,8 +56,8 @@ int compare(const ScanOptions& o, const ExecutionContext& context, Console& cons
     const PlaceModels models(setup.printer, setup.resin, setup.process, stack.grid(),
                              stack.frame());
     const std::unique_ptr<const SliceSource> exposures = stack.exposures(setup.resin.m);
-    surfaces.push_back(
-        {"predicted", predicted_surface(exposures ? *exposures : stack, models, 5e6, context)});
+    surfaces.push_back({"predicted", predicted_surface(exposures ? *exposures : stack, models,
+                                                       kMostPredictedTriangles, context)});
   }
   ScanAsk ask;
   ask.reading.unit = o.unit;

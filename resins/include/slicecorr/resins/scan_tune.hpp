@@ -11,8 +11,9 @@
 ///     r - sum of u dx + n (w x arm + t) = noise,
 ///
 /// which is solved for all unknowns at once with what was known before as the prior, by least squares with the weights of
-/// Cauchy, until nothing changes. What is off near to each other is off together: covariances are summed over the cubes of
-/// a twentieth of the diagonal (a sandwich), not over points.
+/// Cauchy, at last of Tukey, until nothing changes. What is off near to each other is off together: covariances are by how
+/// much the answer changes when a cube of a twentieth of the diagonal is left out (a jackknife), with Student's t where few
+/// cubes tell an input.
 ///
 /// Plain values; functions are thread-safe, results do not depend on threads. Errors are `InputError`.
 #pragma once
@@ -45,18 +46,24 @@ enum class ScanInput {
   shrinkage_plane,
   shrinkage_z,
   walls,
-  first_layers
+  first_layers,
+  spread,     ///< width of the light at the window
+  scatter,    ///< `Resin::scatter_um2_per_um`
+  dead_zone,  ///< logarithm of `Inhibition::beta`
 };
-inline constexpr std::size_t kScanInputs = 8;
+inline constexpr std::size_t kScanInputs = 11;
 
 /// One of them: a change, where the first four are those of `TuneVector`; shrinkage as a share of lengths, above 0
-/// shorter; offsets in mm, above 0 outwards, that of the first layers falling to 0 where `Shrinkage::height_um` says.
-/// All are changes of what the files say.
+/// shorter; offsets in mm, above 0 outwards, that of the first layers falling to 0 where `Shrinkage::height_um` says;
+/// spread in um, the standard deviation of all Gaussians together. All are changes of what the files say.
 struct ScanFinding {
   double value = 0, sd = 0;  ///< found
   double sd_before = 0;      ///< known before
+  bool sought = true;  ///< false: nothing of these prints, or not asked for; `sd` is as before
   /// The sd fell to half or less: the scan tells it.
   bool told() const { return sd <= 0.5 * sd_before; }
+  /// Told, and beyond its 95 %.
+  bool sure() const { return told() && (value > 1.96 * sd || value < -1.96 * sd); }
 };
 
 /// How far a surface is off as a whole at a place, after all that was found.
@@ -79,12 +86,18 @@ struct ScanTuneResult {
       unexplained;  ///< the largest, at most five, beyond 4 standard deviations of noise
   std::size_t points = 0,
               left_out = 0;  ///< left out: beside the part, or where the surface comes and goes
+  const ScanFinding& finding(ScanInput input) const {
+    return findings[static_cast<std::size_t>(input)];
+  }
   std::string to_text(const Printer& printer, const Resin& resin, const TunePrior& prior) const;
 };
 
 struct ScanTuneOptions {
   std::size_t points = 12'000;  ///< of each scan, at most
-  int rounds = 8;               ///< at most
+  int rounds = 12;              ///< at most
+  /// `spread` and `scatter` where files say nothing of them: else they are taken for none. Where files say them, they
+  /// are sought anyway, as is the dead zone under UV light.
+  std::vector<ScanInput> seek{};
 };
 
 /// What a resin's file says from now on of shrinkage and first layers: what is told and lies beyond its 95 % is new;
@@ -97,6 +110,20 @@ std::optional<Shrinkage> found_shrinkage(const std::vector<ScanFinding>& finding
 ScanTuneResult tune_by_scans(const std::vector<PrintScan>& prints, const Setup& setup,
                              const TunePrior& prior, const ScanTuneOptions& options = {},
                              const ExecutionContext& context = {});
+
+/// What a scan of a part would tell.
+struct ScanForecast {
+  std::string part;  ///< how it is called
+  std::vector<ScanFinding> findings;
+  std::vector<std::string> not_apart;
+};
+/// Of a print (`PrintScan::scan` is not heeded) of which places all over are seen, `noise_um` >= 0 off: the print that is
+/// believed, made up, scanned and tuned by. Throws as `tune_by_scans`.
+ScanForecast forecast_scan(const PrintScan& print, const Setup& setup, const TunePrior& prior,
+                           double noise_um, const ScanTuneOptions& options = {},
+                           const ExecutionContext& context = {});
+/// A table of parts beside each other.
+std::string forecast_text(const std::vector<ScanForecast>& parts, double noise_um);
 
 /// A setup as findings say it is.
 Setup tuned_setup(const Setup& setup, const TuneVector& x);

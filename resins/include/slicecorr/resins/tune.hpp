@@ -120,6 +120,10 @@ struct TuneResult {
   std::vector<std::string> remarks;   ///< results beyond 3 standard deviations of the prior
   /// What the resin shrinks by, as scans told; nothing: its file stays as it is.
   std::optional<Shrinkage> shrinkage{};
+  /// Of the printer's light at the window, the resin's scatter, and `Inhibition::beta`, as scans told; nothing: the
+  /// files stay as they are.
+  std::optional<LightSpread> spread{};
+  std::optional<double> scatter_um2_per_um{}, uv_beta{};
   /// What was known, what is found, and by how much that changes printer and resin.
   std::string to_text(const Printer& printer, const Resin& resin, const TunePrior& prior) const;
 };

@@ -18,10 +18,10 @@ namespace slicecorr::detail {
 
 namespace {
 
-CoupledOptions options_of(int rounds, const PlaceModels& models, bool graded,
+CoupledOptions options_of(int rounds, const PlaceModels& models, const DoseTarget* doses,
                           const std::string& scratch_folder) {
   CoupledOptions options;
-  options.graded = graded;
+  options.doses = doses;
   options.rounds = rounds;
   options.scratch_folder = scratch_folder;
   if (models.even()) return options;
@@ -43,7 +43,7 @@ TogetherCorrected::TogetherCorrected(const SliceSource& target, const PlacePlans
     : plans_(plans),
       light_(plans.models(), target.grid(), target.frame()),
       coupled_(plans.plan(), light_.blur(), light_.scatter(), target.bounds(), light_.display(),
-               options_of(rounds, plans.models(), target.doses() != nullptr, scratch_folder)) {
+               options_of(rounds, plans.models(), target.doses(), scratch_folder)) {
   CoupledCorrection::ColumnLevels alone;
   if (!plans.even() || target.doses()) {
     alone = [&](const PixelBox& box) {

@@ -50,8 +50,8 @@ struct CoupledOptions {
   int patch_px = 128;
   /// Where light is uneven: what pixels get of the plan's light.
   LightShares shares{};
-  bool hand_on = true;  ///< see `CoupledPlan::hands_on`
-  bool graded = false;  ///< see `CoupledPlan::graded`
+  bool hand_on = true;                ///< see `CoupledPlan::hands_on`
+  const DoseTarget* doses = nullptr;  ///< that are wanted; must outlive the correction
   /// What does not fit into so many bytes is kept in a nameless file in `scratch_folder`; empty: the
   /// working folder.
   std::size_t memory_bytes = std::size_t{64} << 20;

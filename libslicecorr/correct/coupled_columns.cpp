@@ -75,12 +75,15 @@ int slices_to_gel_at_edges_by_columns(const CureModel& model) {
   return std::max(reach, plan.reach) + plan.lags.front() + plan.tuning.spare_slices;
 }
 
-CoupledColumns::CoupledColumns(const CorrectionPlan& columns) : judged(columns.model) {
+CoupledColumns::CoupledColumns(const CorrectionPlan& columns, double most_dose)
+    : judged(columns.model) {
   const CureModel& model = columns.model;
   if (const InhibitedKernel* const kernel = model.inhibited()) {
     facts = columns.inhibited->facts();
     inhibited.emplace(model, columns.merge_one_slice_gaps, columns.layers, columns.all_layers,
                       careful_tuning(columns.inhibited->tuning));
+    if (most_dose > 1)
+      inhibited.emplace(inhibited->for_doses(most_dose * inhibited->node_over_middle));
     for (int level = 0; level < kernel->levels(); ++level) {
       light.push_back(kernel->level_mw_cm2(level));
     }

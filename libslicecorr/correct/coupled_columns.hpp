@@ -45,7 +45,8 @@ int slices_to_gel_at_edges_by_columns(const CureModel& model);
 
 /// What all patches share where columns want their light. Immutable.
 struct CoupledColumns {
-  explicit CoupledColumns(const CorrectionPlan& columns);
+  /// `most_dose`: the greatest dose that is wanted; 1: none is.
+  explicit CoupledColumns(const CorrectionPlan& columns, double most_dose = 1);
 
   /// The level whose light is nearest.
   int level_of(double its_light) const;

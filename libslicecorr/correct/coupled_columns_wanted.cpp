@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 
 #include <algorithm>
+#include <map>
 #include <memory>
 #include <utility>
 #include <vector>
@@ -77,6 +78,7 @@ class WantedLight {
         light_(static_cast<std::size_t>(plan.slices)),
         bright_(light_.size()) {
     read_design(box, sources);
+    read_doses(box);
   }
 
   /// Calls `sink` with each pixel and the levels that its column wants.
@@ -86,6 +88,7 @@ class WantedLight {
     for (const Pixel& p : wrong_) {
       if (runs_[index_in(box, p)].empty()) continue;
       find_bounds(p);
+      want_doses(p, runs_[index_in(box, p)]);
       const std::vector<Level>& wanted = column_->solve(runs_[index_in(box, p)], bounds_);
       for (std::size_t n = 0; n < levels.size(); ++n) {
         levels[n] = wanted[n] > bounds_.floors[n] ? own_level(p, static_cast<int>(n), wanted[n])
@@ -160,6 +163,41 @@ class WantedLight {
     }
   }
 
+  /// Doses that wrong columns want, as bytes of all layers.
+  void read_doses(const PixelBox& box) {
+    if (!plan_.doses) return;
+    const PixelBox band = PatchPlace::common(box, plan_.display);
+    for (const Pixel& p : wrong_) {
+      doses_[{p.x, p.y}].resize(static_cast<std::size_t>(plan_.layers), 0);
+    }
+    plan_.doses->images->read_band(band, [&](int n, const std::uint8_t* rows) {
+      if (!rows || n >= plan_.layers) return;
+      for (auto& [place, bytes] : doses_) {
+        if (!PatchPlace::holds(band, {place.first, place.second})) continue;
+        bytes[static_cast<std::size_t>(n)] = rows[index_in(band, {place.first, place.second})];
+      }
+    });
+  }
+  void want_doses(const Pixel& p, const std::vector<CoverageRun>& runs) {
+    bounds_.wanted.clear();
+    if (!plan_.doses) return;
+    const DoseScale& scale = plan_.doses->scale;
+    const std::vector<std::uint8_t>& bytes = doses_.at({p.x, p.y});
+    bounds_.side = scale.side;
+    std::vector<double> wanted(bytes.size(), 1.0);
+    bool any = false;
+    for (const CoverageRun& run : runs) {
+      if (run.coverage != 255) continue;
+      for (auto n = static_cast<std::size_t>(run.first);
+           n < std::min(bytes.size(), static_cast<std::size_t>(run.end)); ++n) {
+        wanted[n] = scale.dose[bytes[n]];
+        any = any || wanted[n] > 1;
+      }
+    }
+    // Nothing more than enough: as without.
+    if (any) bounds_.wanted = std::move(wanted);
+  }
+
   /// Where the column wants light itself, its neighbours make room for it, and those that want light,
   /// too, can shine as bright as they can. What is shone into its dark slices stays.
   void find_bounds(const Pixel& p) {
@@ -199,6 +237,7 @@ class WantedLight {
   ByColumn levels_, alone_;
   std::unique_ptr<ColumnSolver> column_;
   ColumnBounds bounds_;
+  std::map<std::pair<int, int>, std::vector<std::uint8_t>> doses_;  ///< by pixel of a wrong column
   std::vector<double> share_;  ///< of intensity; empty where light is even
   /// By slice: of a column's neighbours and its own black, and the most that can be.
   std::vector<double> light_, bright_;

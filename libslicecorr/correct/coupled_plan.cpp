@@ -104,6 +104,13 @@ int slices_to_gel_at_edges(const CureModel& model, const LightBlur& blur,
   return std::max({least, corners, edges});
 }
 
+void CoupledPlan::want(const DoseTarget& its_doses) {
+  graded = true;
+  if (!wants) return;
+  doses = &its_doses;
+  wants = std::make_shared<const CoupledColumns>(columns, its_doses.scale.greatest());
+}
+
 CoupledPlan::CoupledPlan(const CorrectionPlan& column_plan, const LightBlur& light_blur,
                          const SliceScatter& slice_scatter, const PixelBox& display_box,
                          double dose_margin, LightShares light_shares)

@@ -13,6 +13,7 @@
 #include "correct/coupled_columns.hpp"
 #include "cure/light_spread.hpp"
 #include "slicecorr/correct.hpp"
+#include "slicecorr/dose_target.hpp"
 #include "slicecorr/grid.hpp"
 
 namespace slicecorr::detail {
@@ -94,9 +95,12 @@ struct CoupledPlan {
   int top;                           ///< the highest grey level
   double shine_step;                 ///< greatest between two neighbouring levels
   bool hands_on;  ///< what pixels have too much is handed on in the plane: see `levels_of_plane`
-  /// Doses are wanted: inside features the dose is to be that of the columns alone, which know them. By sums
-  /// of light.
+  /// Doses are wanted: inside features the dose is to be that of the columns alone, which know them.
   bool graded = false;
+  /// Which, where columns say which light they want; else null.
+  const DoseTarget* doses = nullptr;
+  /// Lets columns that are solved again want doses; these must outlive the plan.
+  void want(const DoseTarget& its_doses);
 
   int reach_x, reach_y;
   /// What a pixel gives to those around it: rows of `taps_width`, the first 2 reach_x + 1 of which

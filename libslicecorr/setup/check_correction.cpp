@@ -143,20 +143,17 @@ void check_correction(const Setup& setup, const DesignHas& design) {
         "a correction can't be robust against the covariance of a fit where light spreads from pixel to "
         "pixel; expected errors that are said one by one");
   }
-  for (const Feature other : {Feature::uv_constant, Feature::uv_per_slice, Feature::uv_patterned,
-                              Feature::gel_time, Feature::bleaching}) {
-    if (!design.doses || !has(Feature::spread) || !has(other)) continue;
-    throw InputError(fmt::format(
-        "doses can't be graded where light spreads with {}, since columns then ask each other for light "
-        "and not for doses; expected a printer and a resin without spread",
-        name_of(other)));
-  }
   for (const Feature other : kRobustAlone) {
     if (!robust || !has(Feature::spread) || !has(other)) continue;
     throw InputError(fmt::format(
         "a correction can't be robust where light spreads from pixel to pixel with {}; expected "
         "a printer and a resin without spread",
         name_of(other)));
+  }
+  if (robust && design.doses && has(Feature::spread)) {
+    throw InputError(
+        "a correction can't be robust with wanted doses where light spreads from pixel to pixel, since pixels are then "
+        "chosen for either; expected a part without wanted doses, or a printer and a resin without spread");
   }
   if (robust && has(Feature::spread) && setup.process.spread_rounds == 0) {
     throw InputError(

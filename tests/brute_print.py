@@ -161,7 +161,7 @@ class Print:
             elif "even_light" in process:
                 # The mean of each slice stands for all of it (docs/even-dead-zone.md).
                 given = [np.full(blue.shape[1:], s) for s in uv["slice_mw_cm2"]]
-                self.flows(process["even_light"], printer["calibration"][-1]["intensity_mw_cm2"])
+                self.flows(process["even_light"], printer["calibration"][-1]["intensity_mw_cm2"] * shares[-1])
             else:
                 given = [blurred(i, gaussians(printer["uv"].get("spread")), pitch)
                          for i in intensity(uv_images, printer["uv"]["calibration"])]

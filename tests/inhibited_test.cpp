@@ -142,6 +142,63 @@ TEST(InhibitedDose, EqualsDirectIntegrationOnRandomSchedules) {
   }
 }
 
+TEST(InhibitedDose, SharesOfBothLightsAreThoseOfTheRateItself) {
+  // Blue light of a share s under constant, scheduled and patterned UV light, of which less comes, too.
+  std::mt19937 random(19);
+  for (int round = 0; round < 6; ++round) {
+    const double layer_um = 50;
+    Resin resin = resin_1(std::vector{0.7, 1.0, 1.29}[static_cast<std::size_t>(round % 3)]);
+    // What light without UV light counts as is something else.
+    resin.m = 0.9;
+    Process process = uv_process(800, 200);
+    if (round % 2) {
+      process.mode = ExposureMode::layerwise;
+      process.speed_mm_h = 0;
+      process.exposure_s = 0.4;
+    }
+    Printer printer = uv_printer();
+    const bool patterned = round >= 4;
+    if (patterned) {
+      printer.uv->patterned = true;
+      process.uv = {UvKind::patterned, 0, 10, {}};
+    }
+    constexpr int slices = 40;
+    for (int n = 0; n < slices; ++n) {
+      process.light_share.push_back(0.5 + 0.05 * static_cast<double>(random() % 11));
+      if (round >= 2)
+        process.uv_lamp_share.push_back(0.8 + 0.02 * static_cast<double>(random() % 10));
+    }
+    const CureModel model = make_cure_model(printer, resin, process, layer_um);
+    const auto intensity = level_intensities(printer);
+    std::vector<std::uint8_t> pixels;
+    std::vector<double> blue, uv;
+    for (int n = 0; n < slices; ++n) {
+      const auto i = static_cast<std::size_t>(n);
+      const auto level = static_cast<std::uint8_t>(random() % 256);
+      pixels.push_back(level);
+      blue.push_back(intensity[level] * process.light_share[i]);
+      uv.push_back(200 * (round >= 2 ? process.uv_lamp_share[i] : 1));
+      if (patterned) {
+        const auto of_level = static_cast<std::size_t>(model.inhibited()->uv_levels()[level]);
+        uv.back() = uv_level_intensities(printer)[of_level] * process.uv_lamp_share[i];
+        // No pixel of any slice has less than the dead zone that is asked for.
+        EXPECT_GE(uv.back(),
+                  uv_for_dead_zone(make_kinetics(resin, true, true), blue.back(), 10) * (1 - 1e-9));
+      }
+    }
+    const ColumnDose dose = column_dose(model, pixels);
+    for (int n = 0; n < slices; n += 13) {
+      const auto i = static_cast<std::size_t>(n);
+      // As above.
+      const auto tolerance = [](double d) { return 2e-5 * d + 2e-6; };
+      const double upper = integrated(resin, process, layer_um, blue, uv, n + 1e-12, 4000);
+      const double middle = integrated(resin, process, layer_um, blue, uv, n + 0.5, 4000);
+      EXPECT_NEAR(dose.upper[i], upper, tolerance(upper)) << round << " slice " << n;
+      EXPECT_NEAR(dose.middle[i], middle, tolerance(middle)) << round << " slice " << n;
+    }
+  }
+}
+
 TEST(InhibitedDose, CrossingIsWhereTheDoseIsOne) {
   const Resin resin = resin_1();
   const Process process = uv_process(1000, 200);

@@ -422,6 +422,21 @@ TEST_F(UnevenUv, TheWeakestPlaceKeepsTheDeadZone) {
   const double least = info.printer->uv_flat_field->least() / 255.0;
   EXPECT_LT(least, 0.82);
   EXPECT_NEAR(info.process->uv.uv_mw_cm2, even / least, 1e-6 * even);
+  // With UV light by slice each keeps it, and none gets more than full light needs.
+  const Command zone{"--dead-zone-um", "8", "--uv-schedule", "per-slice"};
+  ASSERT_EQ(correct("uneven.toml", "s.uvj", zone).exit_code, 0);
+  const std::vector<double> uv = StackReader::read_info(folder_ / "s.uvj").process->uv.slice_mw_cm2;
+  const MemorySlices shown = slices("s.uvj");
+  ASSERT_EQ(uv.size(), static_cast<std::size_t>(shown.grid().layers));
+  for (int n = 0; n < shown.grid().layers; ++n) {
+    const double slice_uv = uv[static_cast<std::size_t>(n)];
+    EXPECT_LE(slice_uv * least, even * (1 + 1e-6)) << n;
+    for (int i = 0; i < 3600; ++i) {
+      // The picture of the lamp has steps of 1/255.
+      const double of_lamp = 1 - 0.1 * std::hypot(i % 60 - 29.5, i / 60 - 29.5) * 0.05 + 0.5 / 255;
+      ASSERT_GE(slice_uv * of_lamp, even * shown.at(n, i % 60, i / 60) / 255 * (1 - 1e-6)) << n;
+    }
+  }
   // A lamp that can't is told where.
   const RunResult weak = correct("uneven.toml", "w.uvj", {"--dead-zone-um", "20"});
   EXPECT_EQ(weak.exit_code, 3);
@@ -431,10 +446,6 @@ TEST_F(UnevenUv, TheWeakestPlaceKeepsTheDeadZone) {
 TEST_F(UnevenUv, IsRefusedWhereItIsNotCounted) {
   const std::string field = "flat_field = [[0, 1], [2, 0.8]]\n";
   printer("uneven.toml", field);
-  const RunResult schedule =
-      correct("uneven.toml", "x.uvj", {"--dead-zone-um", "8", "--uv-schedule", "per-slice"});
-  EXPECT_EQ(schedule.exit_code, 2);
-  EXPECT_THAT(schedule.err, HasSubstr("uv.flat_field"));
   printer("patterned.toml", field, "patterned");
   const RunResult patterned = correct("patterned.toml", "x.uvj", {"--dead-zone-um", "8"});
   EXPECT_EQ(patterned.exit_code, 2);
@@ -553,13 +564,35 @@ TEST_F(FadingUv, ADeadZoneAsksMoreOfALampThatGivesLess) {
   EXPECT_THAT(weak.err, HasSubstr("the UV lamp still gives 40 %"));
 }
 
-TEST_F(FadingUv, IsRefusedWhereItIsNotCounted) {
+TEST_F(FadingUv, PatternsAreMadeForTheLeastThatComes) {
   std::ofstream(folder_ / "log.csv") << "slice,uv_lamp_share\n0,1\n10,0.9\n";
   printer("patterned.toml", "", "patterned");
-  const RunResult patterned =
-      correct("patterned.toml", "x.uvj", {"--dead-zone-um", "8", "--uv-lamp-log", "log.csv"});
-  EXPECT_EQ(patterned.exit_code, 2);
-  EXPECT_THAT(patterned.err, HasSubstr("uv_lamp_log"));
+  const Command zone{"--dead-zone-um", "8"};
+  ASSERT_EQ(
+      correct("patterned.toml", "f.uvj", zone + Command{"--uv-lamp-log", "log.csv"}).exit_code, 0);
+  const StackReader stack(folder_ / "f.uvj", folder_.path());
+  std::vector<std::uint8_t> blue(3600), uv(3600);
+  double least = 1e9;
+  for (int n = 0; n < stack.info().grid.layers; ++n) {
+    stack.read_slice(n, blue.data());
+    stack.read_uv_slice(n, uv.data());
+    for (std::size_t i = 0; i < blue.size(); ++i) {
+      if (blue[i] == 0) continue;
+      const double comes = 275.0 * uv[i] / 255 * (n < 10 ? 1 : 0.9);
+      const double needed = 100.0 * blue[i] / 255 / 0.73 * std::exp(8 * (1 / 37.8 - 1 / 408.0));
+      least = std::min(least, comes - needed);
+    }
+  }
+  // No pixel of any slice has less than it needs, and not more than a level of the lamp more.
+  EXPECT_GE(least, -1e-9);
+  EXPECT_LE(least, 275.0 / 255);
+  EXPECT_EQ(correct("patterned.toml", "w.uvj", {"--dead-zone-um", "25", "--uv-lamp-log", "log.csv"})
+                .exit_code,
+            3);
+}
+
+TEST_F(FadingUv, IsRefusedWhereItIsNotCounted) {
+  std::ofstream(folder_ / "log.csv") << "slice,uv_lamp_share\n0,1\n10,0.9\n";
   const RunResult sure =
       correct("even.toml", "x.uvj",
               {"--uv-mw-cm2", "200", "--uv-lamp-log", "log.csv", "--uncertain", "ha=5%"});

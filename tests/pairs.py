@@ -302,6 +302,8 @@ def uneven_uv(p):
             p.options["speed-mm-h"] = "350"  # full light comes to the dose that is wanted
         if p.printer["blue"].get("grey") == "pulsed":
             strong_uv(p)
+    if "dead-zone-um" in p.options:
+        p.options["dead-zone-um"] = "8"  # which the lamp holds where it gives least
     values = np.array([[255 - 3 * x - 5 * y for x in range(WIDTH)] for y in range(HEIGHT)])
     p.uv_flat = values / 255
     p.files["uv-flat.png"] = png(values)
@@ -394,8 +396,6 @@ class Table:
             features.add("layer by layer")
         if "layers that get different shares of the light" in features:
             features.add("light below full")
-            if "layer by layer" not in features:
-                features.add("more light for slower slices")
         if "uneven UV light" in features and not UV & features:
             features.add("constant UV light")
         # What comes of one intensity differs from slice to slice.

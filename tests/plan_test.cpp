@@ -326,6 +326,36 @@ TEST(Plan, LessUvLightGoesFaster) {
   EXPECT_EQ(keeps.dead_zones->cured_pixels, 0U);
 }
 
+TEST(Plan, UvLightOfSlicesIsThatOfEachSpeed) {
+  const MemorySlices part = comb({{{0, 9}, {16, 25}}, {{0, 12}, {20, 25}}, {{14, 25}}}, 26);
+  for (const UvKind kind : {UvKind::per_slice, UvKind::patterned}) {
+    slicecorr::Setup s = setup_of(part);
+    s.printer.uv = UvLamp{365, kind == UvKind::patterned, {{0, 0}, {255, 275}}};
+    s.resin = resin(576, 2000);
+    s.resin.inhibition = Inhibition{0.8, 90, 1, 0};
+    s.process = process(100);
+    s.process.uv = {kind, 0, 15, {}};
+    PlanAsk ask;
+    ask.curve_points = 0;
+    ask.gap_contrast = 0.02;
+    const PrintPlan plan = plan_print(part, s, ask);
+    // UV light is chosen by who corrects at this speed.
+    EXPECT_TRUE(plan.setup.process.uv.slice_mw_cm2.empty());
+    const auto keeps = [&](double times) {
+      slicecorr::Setup with = plan.setup;
+      with.process.speed_mm_h *= times;
+      with.process = schedule_uv(part, with);
+      EXPECT_EQ(with.process.uv.slice_mw_cm2.empty(), kind == UvKind::patterned);
+      const Prediction p = printed(part, with);
+      EXPECT_EQ(p.dead_zones->cured_pixels, 0U);
+      return p.gap_contrast.least() >= 0.02 - 1e-9 && p.lost_features == 0 &&
+             p.height_error_um.greatest() <= ask.tolerance_um + 1e-6;
+    };
+    EXPECT_TRUE(keeps(1)) << static_cast<int>(kind);
+    EXPECT_FALSE(keeps(1.02)) << static_cast<int>(kind);
+  }
+}
+
 TEST(Plan, ManyColumnsAreAnsweredByAFew) {
   // All gaps of 3 to 40 slices at all places: more columns than are looked at.
   std::vector<std::vector<std::pair<int, int>>> columns;

@@ -154,7 +154,9 @@ void correct_group(const PlacePlans& plans, const DesignGroup& group, const Grou
                    const ExecutionContext& context) {
   const CorrectionPlan& plan = plans.plan(group.value);
   if (plans.robust()) {
-    return correct_robustly(plan, {*plans.robust(), plans.cases(group.value)}, group, to, context);
+    const RobustAsk ask{*plans.robust(), plans.cases(group.value),
+                        group.doses ? &*group.doses : nullptr};
+    return correct_robustly(plan, ask, group, to, context);
   }
   correct_group(plan, group, to, context, plans.even_levels(group.value, group.place));
 }

@@ -39,6 +39,16 @@ const std::uint8_t* as_sliced(const std::uint8_t* coverage, const std::uint8_t* 
   return room.data();
 }
 
+void read_as_sliced(const SliceSource& target, const PixelBox& band,
+                    const SliceSource::Sink& sink) {
+  const auto left_alone = left_alone_of(target, band);
+  LeftAloneRows rows_left(left_alone ? &*left_alone : nullptr);
+  std::vector<std::uint8_t> room(columns_of(band));
+  target.read_band(band, [&](int n, const std::uint8_t* rows) {
+    sink(n, as_sliced(rows, rows_left.at(n), room));
+  });
+}
+
 const std::uint8_t* marked(const std::uint8_t* coverage, const std::uint8_t* left_alone,
                            std::vector<std::uint8_t>& room) {
   if (!left_alone) return coverage;

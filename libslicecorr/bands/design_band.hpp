@@ -67,6 +67,9 @@ class LeftAloneRows {
 const std::uint8_t* as_sliced(const std::uint8_t* coverage, const std::uint8_t* left_alone,
                               std::vector<std::uint8_t>& room);
 
+/// A band of a target as it is shown where nothing is corrected: with what is left alone.
+void read_as_sliced(const SliceSource& target, const PixelBox& band, const SliceSource::Sink& sink);
+
 /// `coverage` with what is left alone as greys of what it shows, for pictures. Null: black.
 const std::uint8_t* marked(const std::uint8_t* coverage, const std::uint8_t* left_alone,
                            std::vector<std::uint8_t>& room);

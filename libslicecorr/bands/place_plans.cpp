@@ -471,20 +471,32 @@ BandCorrector::ColumnLevels PlacePlans::even_levels(
   if (!process_.even_light) return {};
   const LevelTable levels(level_intensities(models_.printer_at(value)));
   const double full = level_intensities(models_.printer()).back();
-  std::array<std::uint8_t, 256> level_of{};
-  for (std::size_t share = 0; share < level_of.size(); ++share) {
-    const double wanted = full * static_cast<double>(share) / 255.0;
-    const auto [below, above] = levels.around(wanted);
-    const bool nearer = wanted - levels.phi(below) <= levels.phi(above) - wanted;
-    level_of[share] = static_cast<std::uint8_t>(nearer ? below : above);
+  const auto slices = static_cast<std::size_t>(all_layers_);
+  // The level of each light, by what slices get of the usual light.
+  const Process lit = as_lamp_shines(process_);
+  std::vector<double> of_usual;
+  std::vector<std::array<std::uint8_t, 256>> level_of;
+  std::vector<std::size_t> of_slice;
+  for (std::size_t n = 0; n < slices; ++n) {
+    const double own = light_share(lit, static_cast<int>(n)) / usual_light_share(lit);
+    const auto at = std::find(of_usual.begin(), of_usual.end(), own);
+    of_slice.push_back(static_cast<std::size_t>(at - of_usual.begin()));
+    if (at != of_usual.end()) continue;
+    of_usual.push_back(own);
+    level_of.emplace_back();
+    for (std::size_t share = 0; share < level_of.back().size(); ++share) {
+      const double wanted = full * static_cast<double>(share) / 255.0 / own;
+      const auto [below, above] = levels.around(wanted);
+      const bool nearer = wanted - levels.phi(below) <= levels.phi(above) - wanted;
+      level_of.back()[share] = static_cast<std::uint8_t>(nearer ? below : above);
+    }
   }
   const EvenPixels pixels(*process_.even_light, images_);
-  const auto slices = static_cast<std::size_t>(all_layers_);
   return [=](std::size_t column, std::uint8_t* most) {
     const Pixel pixel = place(column);
     const std::span<std::uint8_t> shares(most, slices);
     pixels.blue_of(pixel.x, pixel.y, shares);
-    for (std::uint8_t& share : shares) share = level_of[share];
+    for (std::size_t n = 0; n < slices; ++n) shares[n] = level_of[of_slice[n]][shares[n]];
   };
 }
 

@@ -10,6 +10,7 @@
 #include <functional>
 #include <limits>
 #include <memory>
+#include <numeric>
 #include <optional>
 #include <utility>
 
@@ -189,12 +190,22 @@ class MovedColumns {
   ReadRow read_;
 };
 
+/// Columns that are corrected together.
+struct Solved {
+  std::size_t columns = 0;
+  bool leaves_alone = false;
+  std::optional<BandDoses> doses;  ///< that are wanted
+};
+
 /// Corrects columns; gives levels from the last slice to the first. `rows`: see MovedColumns; also writes
 /// what is left alone, if anything is.
 template <typename Rows, typename Sink>
-void solve(const CorrectionPlan& plan, std::size_t columns, bool leaves_alone, Rows rows, Sink sink,
+void solve(const CorrectionPlan& plan, const Solved& what, Rows rows, Sink sink,
            const ExecutionContext& context) {
-  BandCorrector corrector(plan, columns, leaves_alone);
+  const std::size_t columns = what.columns;
+  const bool leaves_alone = what.leaves_alone;
+  BandCorrector corrector = what.doses ? BandCorrector(plan, columns, *what.doses)
+                                       : BandCorrector(plan, columns, leaves_alone);
   std::vector<std::uint8_t> coverage(columns), heights(columns), left(columns);
   for (int n = 0; n < plan.layers; ++n) {
     if ((n & 63) == 0) context.check_cancelled();
@@ -229,8 +240,9 @@ class RobustBand {
         mover_(plan_.model),
         left_rows_(design.left_alone) {
     // Errors of a fit go together in all directions; a cap leaves the peaks of features to the levels.
-    if (ask.uncertainty.from_fit || plan.process.omega_max < kNoCap || plan.merge_one_slice_gaps ||
-        !plan.model.is_plain()) {
+    // Light that doses want is light that no closed form knows.
+    if (ask.doses || ask.uncertainty.from_fit || plan.process.omega_max < kNoCap ||
+        plan.merge_one_slice_gaps || !plan.model.is_plain()) {
       return;
     }
     const auto light = [](const CureModel& m) {
@@ -263,9 +275,11 @@ class RobustBand {
       std::fill_n(heights, design_.coverage.columns(), std::uint8_t{0});
     }
   }
+  /// Some columns of the band, or all of them.
+  Solved solved(std::vector<std::size_t> which) const;
   /// Levels of the last slices first, and what fails with them.
   template <typename Rows, typename Cover, typename Keep>
-  std::vector<RobustTrouble> try_columns(std::size_t columns, Rows rows, Cover cover,
+  std::vector<RobustTrouble> try_columns(const Solved& what, Rows rows, Cover cover,
                                          Keep keep) const;
   void load(const std::vector<std::size_t>& which, std::vector<MovedEdges>& columns);
   /// Finds aims for some columns of the band.
@@ -282,13 +296,31 @@ class RobustBand {
   LeftAloneRows left_rows_;
 };
 
+Solved RobustBand::solved(std::vector<std::size_t> which) const {
+  Solved what{which.size(), design_.left_alone != nullptr, std::nullopt};
+  if (!ask_.doses) return what;
+  const CodedBand* const bytes = ask_.doses->bytes;
+  // After the last layer there is nothing of the part: an edge that was moved there asks for what just gels.
+  what.doses = BandDoses{
+      &ask_.doses->doses->scale,
+      [bytes, which = std::move(which), row = std::vector<std::uint8_t>(bytes->columns())](
+          int n, std::uint8_t* out) mutable {
+        if (n >= bytes->slices())
+          return static_cast<void>(std::fill_n(out, which.size(), std::uint8_t{0}));
+        bytes->read(n, row.data());
+        for (std::size_t i = 0; i < which.size(); ++i) out[i] = row[which[i]];
+      }};
+  return what;
+}
+
 template <typename Rows, typename Cover, typename Keep>
-std::vector<RobustTrouble> RobustBand::try_columns(std::size_t columns, Rows rows, Cover cover,
+std::vector<RobustTrouble> RobustBand::try_columns(const Solved& what, Rows rows, Cover cover,
                                                    Keep keep) const {
+  const std::size_t columns = what.columns;
   Watch watch(plan_, ask_, columns);
   std::vector<std::uint8_t> shown(columns), coverage(columns);
   solve(
-      plan_, columns, design_.left_alone != nullptr, rows,
+      plan_, what, rows,
       [&](int n, const std::uint8_t* levels) {
         keep(levels);
         for (std::size_t i = 0; i < columns; ++i)
@@ -344,8 +376,11 @@ void RobustBand::repair(const std::vector<std::size_t>& which, std::vector<Moved
       for (std::size_t k = 0; k < active.size(); ++k) out[k] = whole[which[active[k]]];
     };
     MovedColumns rows(moved, design_row);
+    std::vector<std::size_t> of_band;
+    of_band.reserve(active.size());
+    for (const std::size_t i : active) of_band.push_back(which[i]);
     const std::vector<RobustTrouble> troubles = try_columns(
-        active.size(),
+        solved(of_band),
         [&](int n, std::uint8_t* coverage, std::uint8_t* heights, std::uint8_t* left) {
           rows.row(n, coverage, heights);
           read_left_alone(n, whole.data());
@@ -371,8 +406,10 @@ RobustLevels RobustBand::run() {
   const std::size_t all = design_.coverage.columns();
   CodedBand plain(all);
   std::vector<std::uint8_t> room(all);
+  std::vector<std::size_t> every(all);
+  std::iota(every.begin(), every.end(), std::size_t{0});
   const std::vector<RobustTrouble> troubles = try_columns(
-      all,
+      solved(every),
       [&](int n, std::uint8_t* coverage, std::uint8_t* heights, std::uint8_t* left) {
         read_design(n, coverage, heights);
         read_left_alone(n, left);
@@ -407,7 +444,7 @@ RobustLevels RobustBand::run() {
     });
     CodedBand& levels = repaired.emplace_back(part.size());
     solve(
-        plan_, part.size(), design_.left_alone != nullptr,
+        plan_, solved(part),
         [&](int n, std::uint8_t* coverage, std::uint8_t* heights, std::uint8_t* left) {
           rows.row(n, coverage, heights);
           read_left_alone(n, room.data());

@@ -26,6 +26,7 @@
 #include <memory>
 
 #include "bands/design_band.hpp"
+#include "bands/dose_meter.hpp"
 #include "slicecorr/correct.hpp"
 #include "slicecorr/dose_derivatives.hpp"
 #include "slicecorr/place_models.hpp"
@@ -68,6 +69,7 @@ struct RobustLevels {
 struct RobustAsk {
   const Uncertainty& uncertainty;
   const RobustCases& cases;
+  const WantedBand* doses = nullptr;  ///< null: none are wanted
 };
 RobustLevels robust_levels(const CorrectionPlan& plan, const RobustAsk& ask,
                            const CodedDesign& design, const ExecutionContext& context);

@@ -48,7 +48,8 @@ Process with_known_uv(const PlaceModels& models, std::uint8_t value) {
     process.uv.dead_zone_um = 0;
     return process;
   }
-  process.uv.uv_mw_cm2 = models.model(value).inhibited()->setting_uv_mw_cm2(0, 0);
+  const InhibitedKernel& kernel = *models.model(value).inhibited();
+  process.uv.uv_mw_cm2 = kernel.setting_uv_mw_cm2(0, 0) * kernel.blue_share(0);
   process.uv.dead_zone_um = 0;
   return process;
 }

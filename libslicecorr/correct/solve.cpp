@@ -103,12 +103,7 @@ void walk_stepwise(const CorrectionPlan& plan, const std::vector<std::uint8_t>& 
 
 std::unique_ptr<detail::BandSolver> solver_of(const CorrectionPlan& plan, std::size_t columns,
                                               bool leaves_alone) {
-  if (plan.model.inhibited()) {
-    if (leaves_alone && plan.inhibited->even) {
-      throw Error("nothing can be left alone where light is even over the flow");
-    }
-    return detail::make_inhibited_solver(plan, columns);
-  }
+  if (plan.model.inhibited()) return detail::make_inhibited_solver(plan, columns);
   if (plan.tried) return detail::make_tried_solver(plan, columns);
   if (plan.model.mode == ExposureMode::layerwise) {
     return detail::make_layerwise_solver(plan, columns);

@@ -13,6 +13,7 @@
 #include "slicecorr/error.hpp"
 #include "slicecorr/gel_time.hpp"
 #include "slicecorr/light_spreads.hpp"
+#include "slicecorr/recording.hpp"
 #include "slicecorr/supports.hpp"
 #include "slicecorr/turbidity.hpp"
 #include "slicecorr/units.hpp"
@@ -380,7 +381,9 @@ std::vector<Feature> features_of(const CureModel& model) {
 CureModel make_cure_model(const Printer& printer, const Resin& resin, const Process& process,
                           double layer_um, const PlaceLight& light) {
   refuse_turbidity(resin, "printing slice by slice");
-  if (!process.lamp_share.empty() || !process.uv_lamp_share.empty()) {
+  // What a lamp that shows patterns gives, and how much of it comes, is for the kernel.
+  const bool pattern_fades = process.uv.kind == UvKind::patterned && !process.even_light;
+  if (!process.lamp_share.empty() || (!process.uv_lamp_share.empty() && !pattern_fades)) {
     return make_cure_model(printer, resin, as_lamp_shines(process), layer_um, light);
   }
   if (process.uv.kind != UvKind::off && printer.grey_m != 1) {
@@ -402,12 +405,13 @@ CureModel make_cure_model(const Printer& printer, const Resin& resin, const Proc
   model.one_minus_a = -std::expm1(-model.eta * units::kLn10);
   model.root_a = std::exp(-0.5 * model.eta * units::kLn10);
   model.mode = process.mode;
+  const double counts_as = light_exponent(resin, process);
   const double s = units::cm_s_from_mm_h(process.speed_mm_h);
   if (process.mode == ExposureMode::layerwise) {
     if (!(process.exposure_s > 0)) {
       throw InputError("layer by layer exposure without a time; expected exposure_s above 0");
     }
-    model.exposure_ratio = detail::exposure_ratios(process, process.exposure_s, resin.m);
+    model.exposure_ratio = detail::exposure_ratios(process, process.exposure_s, counts_as);
   }
   if (slices_differ(process)) {
     const bool stay = process.slice_lamps == SliceLamps::stay;
@@ -417,7 +421,7 @@ CureModel make_cure_model(const Printer& printer, const Resin& resin, const Proc
       const auto slice = static_cast<int>(n);
       model.exposure_ratio.push_back(
           (stay ? process.speed_mm_h / slice_speed_mm_h(process, slice) : 1.0) *
-          light_ratio(process, slice, resin.m));
+          light_ratio(process, slice, counts_as));
     }
   }
   if (resin.has_gel_time()) {

@@ -75,6 +75,29 @@ int slices_near_window(const Kinetics& kinetics, double uv_mw_cm2, double blue_m
              : 2;
 }
 
+/// What there is of usual blue light in a slice, and that over the share of UV light that comes.
+using Shares = std::vector<InhibitedKernel::BlueShare>;
+
+/// Empty: of all slices all.
+Shares blue_shares(const Process& process) {
+  Shares shares;
+  // Only of lamps that show patterns it is not in what they are asked for (`as_lamp_shines`).
+  const std::vector<double>& lamp = process.uv_lamp_share;
+  if (!light_differs(process) && lamp.empty()) return shares;
+  for (std::size_t n = 0; n < std::max(process.light_share.size(), lamp.size()); ++n) {
+    const double comes = lamp.empty() ? 1 : lamp[std::min(n, lamp.size() - 1)];
+    const double blue = light_share(process, static_cast<int>(n)) / usual_light_share(process);
+    shares.push_back({blue, blue / comes});
+  }
+  return shares;
+}
+
+double most_over_uv(const Shares& shares) {
+  double most = shares.empty() ? 1 : 0;
+  for (const InhibitedKernel::BlueShare& share : shares) most = std::max(most, share.over_uv);
+  return most;
+}
+
 }  // namespace
 
 InhibitedKernel::InhibitedKernel(const Kinetics& kinetics, const Kinetics& gel,
@@ -95,7 +118,9 @@ InhibitedKernel::InhibitedKernel(const Kinetics& kinetics, const Kinetics& gel,
   wanted_um_ = uv.dead_zone_um;
   const double most = printer.uv->max_mw_cm2();
   const std::vector<double>& held = brightest_mw_cm2.empty() ? blue_ : brightest_mw_cm2;
-  const double full = held.back();
+  const Shares shares = blue_shares(process);
+  const double most_share = most_over_uv(shares);
+  const double full = held.back() * most_share;
   const LampCheck check{kinetics_, layer_um, blue_, full, printer, process};
   switch (uv.kind) {
     case UvKind::off:
@@ -106,7 +131,7 @@ InhibitedKernel::InhibitedKernel(const Kinetics& kinetics, const Kinetics& gel,
       check(asked, uv.uv_mw_cm2 > 0
                        ? std::string("the schedule")
                        : fmt::format("a dead zone of {:g} um under full light", uv.dead_zone_um));
-      setting_uv_ = {asked};
+      take_settings({asked}, shares);
       break;
     }
     case UvKind::per_slice: {
@@ -115,18 +140,18 @@ InhibitedKernel::InhibitedKernel(const Kinetics& kinetics, const Kinetics& gel,
         const double asked =
             uv.dead_zone_um > 0 ? uv_for_dead_zone(kinetics_, full, uv.dead_zone_um) : uv.uv_mw_cm2;
         check(asked, fmt::format("a dead zone of {:g} um under full light", uv.dead_zone_um));
-        setting_uv_ = {asked};
+        setting_uv_ = {asked / most_share};
         break;
       }
       for (const double asked : uv.slice_mw_cm2) check(asked, "a slice of the schedule");
-      take_settings(uv.slice_mw_cm2);
+      take_settings(uv.slice_mw_cm2, shares);
       break;
     }
     case UvKind::patterned: {
       if (process.even_light) {
         // The dose beside the part's place in the flow depends on it little: the mean stands for all.
         for (const double mean : uv.slice_mw_cm2) check(mean, "a slice of the schedule");
-        take_settings(uv.slice_mw_cm2);
+        take_settings(uv.slice_mw_cm2, shares);
         break;
       }
       const LevelTable lamp(uv_level_intensities(printer));
@@ -136,13 +161,14 @@ InhibitedKernel::InhibitedKernel(const Kinetics& kinetics, const Kinetics& gel,
         // Of pulses each that is not black is full light.
         const bool full_light = printer.grey == GreyLight::pulsed && of_level > held.front();
         const double blue = full_light ? held.back() : of_level;
-        // The next level up, so that the dead zone is no thinner than asked for.
-        uv_levels_.push_back(
-            lamp.at_least(uv_for_dead_zone(kinetics_, blue, uv.dead_zone_um) * (1 - 1e-12)));
+        // The next level up, so that the dead zone is no thinner than asked for: not in the slice with the most
+        // blue light over its UV light either.
+        uv_levels_.push_back(lamp.at_least(
+            uv_for_dead_zone(kinetics_, blue * most_share, uv.dead_zone_um) * (1 - 1e-12)));
         level_uv_.push_back(lamp.phi(uv_levels_.back()));
       }
       const double whole = level_uv_.back();
-      take_settings(uv.slice_mw_cm2.empty() ? std::vector{most} : uv.slice_mw_cm2);
+      take_settings(uv.slice_mw_cm2.empty() ? std::vector{most} : uv.slice_mw_cm2, shares);
       for (double& setting : setting_uv_) {
         setting_share_.push_back(setting / most);
         setting = whole * setting_share_.back();
@@ -169,7 +195,7 @@ InhibitedKernel::InhibitedKernel(const Kinetics& kinetics, const Kinetics& gel,
       throw InputError(
           "even light is for continuous exposure; layer by layer the part stands still");
     }
-    count_flow(*process.even_light, level_intensities(printer).back());
+    count_flow(*process.even_light, level_intensities(printer).back() * usual_light_share(process));
   }
   end_resin(printer.resin_depth_um);
   make_tables();
@@ -206,6 +232,12 @@ void InhibitedKernel::end_resin(double depth_um) {
   constexpr double no_light = 1e-12;
   if (slices < 1 || std::pow(a_, slices) < no_light) return;
   depth_um_ = slices * layer_um_;
+  if (depth_um_ <= gap_um_) {
+    throw InputError(fmt::format(
+        "the resin is {:g} um deep, no more than the dead zone of {:g} um that light is for; expected more resin, or "
+        "a thinner dead zone",
+        depth_um_, gap_um_));
+  }
   // The last row of the tables is 0, and so is what follows from it further away.
   near_ = static_cast<int>(slices) + 2;
 }
@@ -295,9 +327,11 @@ void InhibitedKernel::count_flow(const EvenLight& light, double full_mw_cm2) {
   }
   for (int s = 0; s < settings(); ++s) {
     for (int l = 0; l < levels(); ++l) {
-      const double blue = std::clamp(blue_[static_cast<std::size_t>(l)], least, greatest);
+      const double share = blue_share(s);
+      const double blue =
+          std::clamp(blue_[static_cast<std::size_t>(l)] * share, least, greatest) / share;
       const double front = profile_->front_um(blue, kinetics_.beta * uv_of(s, l));
-      const double still = scale_ * profile_->amount(blue, front) *
+      const double still = scale_ * std::pow(share, kinetics_.m) * profile_->amount(blue, front) *
                            (profile_->rest(-front) - profile_->rest(gap_um_ - front));
       flow_factor_.push_back(
           std::clamp(1.0 / std::max(still, 1e-9), 1.0 / kMostFlowFactor, kMostFlowFactor));
@@ -334,12 +368,23 @@ double InhibitedKernel::rest_beyond(int setting, int level, double d_um) const {
   return at_gap + flow_factor(setting, level) * (profile_->rest(d_um - front) - at_gap);
 }
 
-/// One setting for each different intensity.
-void InhibitedKernel::take_settings(const std::vector<double>& slice_mw_cm2) {
-  for (const double intensity : slice_mw_cm2) {
-    const auto found = std::find(setting_uv_.begin(), setting_uv_.end(), intensity);
-    slice_setting_.push_back(static_cast<std::uint16_t>(found - setting_uv_.begin()));
-    if (found == setting_uv_.end()) setting_uv_.push_back(intensity);
+/// One setting for each different intensity over usual blue light.
+void InhibitedKernel::take_settings(const std::vector<double>& asked_mw_cm2,
+                                    const std::vector<BlueShare>& shares) {
+  for (std::size_t n = 0; n < std::max(asked_mw_cm2.size(), shares.size()); ++n) {
+    const BlueShare share = shares.empty() ? BlueShare{} : shares[std::min(n, shares.size() - 1)];
+    const double intensity = asked_mw_cm2[std::min(n, asked_mw_cm2.size() - 1)] / share.over_uv;
+    // What light of a place stands for counts, too, where it is even.
+    std::size_t found = 0;
+    while (found < setting_uv_.size() &&
+           (setting_uv_[found] != intensity || blue_share_[found] != share.blue)) {
+      ++found;
+    }
+    slice_setting_.push_back(static_cast<std::uint16_t>(found));
+    if (found == setting_uv_.size()) {
+      setting_uv_.push_back(intensity);
+      blue_share_.push_back(share.blue);
+    }
     if (setting_uv_.size() > 4096) {
       throw InputError("the schedule has more than 4096 different UV intensities");
     }

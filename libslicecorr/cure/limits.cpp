@@ -64,8 +64,12 @@ Doses doses_of(const CureModel& model) {
     // A lamp that changes from slice to slice is weaker where a slice needs less.
     const int s = kernel.strongest_setting();
     const bool moving = model.mode == ExposureMode::continuous;
+    // Layer by layer a slice's share of the light counts, and not for how long it is shown.
+    const auto share = [&](int setting) {
+      return std::pow(std::min(1.0, kernel.blue_share(setting)), kernel.kinetics().m);
+    };
     return {kernel.steady_dose(s, kernel.highest_usable_level(s)) *
-                (moving ? model.least_ratio() : 1.0),
+                (moving ? model.least_ratio() : share(s)),
             kernel.steady_dose(0, 0) * (moving ? model.greatest_ratio() : 1.0)};
   }
   if (model.gel_time() && model.mode == ExposureMode::layerwise) {
@@ -148,19 +152,21 @@ detail::Verdict inhibited_verdict(const CureModel& model, const Printer& printer
   const std::string pace = pace_in_words(process);
   const int s = kernel.strongest_setting(), top = kernel.levels() - 1;
   const double full = kernel.steady_dose(s, top);
+  // Both lights as they are in the slice that has the most UV light over its blue light.
+  const double share = kernel.blue_share(s);
   if (full <= 1.0) {
     v.weak = fmt::format(
         "the resin never gels under UV light: {} full light ({:g} mW/cm² over {:.4g} mW/cm² of UV) "
         "reaches {:.4g} of the dose aimed at",
-        pace, blue.back(), kernel.setting_uv_mw_cm2(s, top), full);
+        pace, blue.back() * share, kernel.setting_uv_mw_cm2(s, top) * share, full);
   } else if (!gels(model, doses.lit)) {
     const int cap = kernel.highest_usable_level(s);
     v.weak = fmt::format(
         "the resin would cure to the window: {} it takes {:.4g} mW/cm² of blue light to gel, and "
         "UV light of {:.4g} mW/cm² leaves {} only up to {:.4g} mW/cm²",
-        pace, kernel.critical_intensity_mw_cm2(s), kernel.setting_uv_mw_cm2(s, cap),
+        pace, kernel.critical_intensity_mw_cm2(s) * share, kernel.setting_uv_mw_cm2(s, cap) * share,
         process.uv.dead_zone_um > 0 ? "the dead zone asked for" : "a dead zone",
-        blue[static_cast<std::size_t>(cap)]);
+        blue[static_cast<std::size_t>(cap)] * share);
   } else if (model.lifts) {
     const int cap = kernel.highest_usable_level(s), weakest = weakest_layer(model);
     const double joint = kernel.exact(s, cap, 1.0) * model.ratio(weakest);

@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "slicecorr/error.hpp"
 #include "slicecorr/inhibited.hpp"
@@ -16,10 +17,12 @@ namespace slicecorr {
 
 namespace {
 
+/// Bound of the tables of all places.
+constexpr double kMostBytes = 256.0 * 1024 * 1024;
+
 /// How many values must share a model so that the tables of all stay within bounds.
 int values_per_model(const InhibitedKernel& kernel, int values) {
-  constexpr double most_bytes = 256.0 * 1024 * 1024;
-  return std::clamp(static_cast<int>(std::ceil(values * kernel.table_bytes() / most_bytes)), 1, 64);
+  return std::clamp(static_cast<int>(std::ceil(values * kernel.table_bytes() / kMostBytes)), 1, 64);
 }
 
 bool uv_is_uneven(const Printer& printer, const Process& process) {
@@ -75,6 +78,8 @@ PlaceModels::PlaceModels(const Printer& printer, const Resin& resin, const Proce
   const FlatField& field = of_uv_ ? *printer.uv_flat_field : *printer.flat_field;
   const int least = field.least();
   const int values = field.greatest() - least + 1;
+  least_ = least;
+  values_ = values;
   const int together = values_per_model(*model(map_.greatest()).inhibited(), values);
   // Edges would lie elsewhere than is told.
   const double off = 0.5 * (together - 1) / std::max(1, least);
@@ -94,6 +99,14 @@ PlaceModels::PlaceModels(const CureModel& everywhere) : layer_um_(everywhere.lay
 }
 
 PlaceModels::~PlaceModels() = default;
+
+int PlaceModels::uv_settings_that_fit() const {
+  if (even() || !brightest().inhibited()) return std::numeric_limits<int>::max();
+  const InhibitedKernel& kernel = *brightest().inhibited();
+  const double together = std::floor(1 + 2 * kMostSharedLight * std::max(1, least_));
+  const double of_one = kernel.table_bytes() / kernel.settings() * values_;
+  return std::max(1, static_cast<int>(together * kMostBytes / of_one));
+}
 
 double PlaceModels::curing_factor(std::uint8_t value) const {
   return of_uv_ || value == map_.reference() ? 1.0 : map_.factor(value);

@@ -16,11 +16,11 @@ namespace slicecorr::detail {
 
 namespace {
 
-/// UV intensity of the setting that a showing needs. With a share s of blue light the rate
-/// max(0, s I - beta Iuv)^m is s^m times that of full blue light under Iuv / s: s^m is part of
-/// `light`, Iuv / s is the setting.
-double setting_of(const Recording::Showing& p) {
-  return p.blue_share > 0 ? p.uv_mw_cm2 / p.blue_share : p.uv_mw_cm2;
+/// UV intensity of the setting that a showing needs. With a share s of usual blue light the rate
+/// max(0, s I - beta Iuv)^m is s^m times that of usual blue light under Iuv / s: s^m is part of
+/// `light`, Iuv / s is the setting. `usual`: what a recorded share of 1 is usual light's part of.
+double setting_of(const Recording::Showing& p, double usual) {
+  return p.blue_share > 0 ? p.uv_mw_cm2 * usual / p.blue_share : p.uv_mw_cm2;
 }
 
 bool lit_under_uv(const Recording& recording) {
@@ -105,11 +105,34 @@ void ShownSlices::take(const Recording& recording, const Resin& resin, double la
         "their slices: what they print can't be predicted",
         recording.other_uv_images.size(), recording.other_uv_images.front()));
   }
-  std::vector<double> asked;
-  for (const Recording::Showing& p : recording.showings) {
-    if (uv && p.light > 0) asked.push_back(setting_of(p));
+  const Process lit = as_lamp_shines(process_);
+  if (uv && process_.uv.kind == UvKind::patterned &&
+      (light_differs(lit) || !process_.uv_lamp_share.empty())) {
+    throw InputError(
+        "a recording under patterned UV light, of whose lamps slices get different shares, can't be predicted: "
+        "which UV images follow from its slices it does not say");
   }
-  if (uv) make_settings(asked);
+  const double usual = usual_light_share(lit);
+  // Settings are of showings, not of slices: what slices get of the light is in what showings have of it.
+  const double m = light_exponent(resin, process_);
+  const auto counts = [&](int n) {
+    return uv && light_differs(lit) ? std::pow(light_share(lit, n) / usual, m) : 1.0;
+  };
+  // Of a lamp that has faded what is recorded is a share of what it still gives.
+  const auto usual_of = [&](int n) {
+    return usual * light_share(process_, n) / light_share(lit, n);
+  };
+  std::vector<double> asked;
+  for (int n = 0; uv && n < slices_; ++n) {
+    for (const Recording::Showing& p : recording.of(n)) {
+      if (p.light > 0) asked.push_back(setting_of(p, usual_of(n)));
+    }
+  }
+  if (uv) {
+    make_settings(asked);
+    process_.lamp_share.clear();
+    if (!lit.light_share.empty()) process_.light_share = {usual};
+  }
   const std::vector<double>& settings = process_.uv.slice_mw_cm2;
   const auto nearest = [&](double value) {
     const auto above = std::lower_bound(settings.begin(), settings.end(), value);
@@ -126,7 +149,7 @@ void ShownSlices::take(const Recording& recording, const Resin& resin, double la
         !uv && process_.mode == ExposureMode::continuous && shown.size() <= kMostPlaced;
     for (const Recording::Showing& p : shown) {
       if (!(p.light > 0)) continue;
-      Showing showing{p.image, p.light, uv ? nearest(setting_of(p)) : 0};
+      Showing showing{p.image, p.light * counts(n), uv ? nearest(setting_of(p, usual_of(n))) : 0};
       if (placed) std::tie(showing.from, showing.to) = place_of(p, n, layer_um);
       add(showing, first);
     }

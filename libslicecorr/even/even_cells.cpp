@@ -11,6 +11,7 @@
 
 #include "bands/bands.hpp"
 #include "even/kept_images.hpp"
+#include "even/lit_setup.hpp"
 #include "even/planned_images.hpp"
 #include "flow/solvable.hpp"
 #include "parallel/silent.hpp"
@@ -96,8 +97,13 @@ double mean_over_part(const FlowSection& section, const std::vector<double>& val
   return cells > 0 ? sum / cells : 0;
 }
 
+double even_uv_cap(const Setup& setup) {
+  return setup.printer.uv->max_mw_cm2() * LampShares{setup.process}.least_uv();
+}
+
 double even_blue_cap(const SliceSource& target, const Setup& setup) {
-  const double full = setup.printer.calibration.back().intensity_mw_cm2;
+  const double full =
+      setup.printer.calibration.back().intensity_mw_cm2 * LampShares{setup.process}.least_blue();
   const LightMap map(setup.printer, target.grid(), target.frame());
   if (map.even()) return full;
   const auto counts = map.counts(target.bounds());
@@ -147,13 +153,14 @@ class LightAdder {
         across_(images.width_px, images.pixel_x_um, grid.left_um, grid.pitch_um, grid.columns),
         down_(images.height_px, images.pixel_y_um, grid.top_um, grid.pitch_um, grid.rows),
         map_(setup.printer, images, frame),
-        even_light_(*setup.process.even_light) {
+        even_light_(*setup.process.even_light),
+        process_(setup.process) {
     blue_ = level_intensities(setup.printer);
     blue_of_ = units(blue_);
     full_ = blue_.back();
     for (std::size_t l = 1; l < blue_.size(); ++l) step_ = std::max(step_, blue_[l] - blue_[l - 1]);
     if (even_light_.uv) {
-      uv_images_.emplace(setup.printer, setup.resin, setup.process, images);
+      uv_images_.emplace(setup, images, map_);
       uv_of_ = units(uv_level_intensities(setup.printer));
     }
     even_light_.uv = even_light_.blue;
@@ -165,6 +172,7 @@ class LightAdder {
     const auto width = static_cast<std::size_t>(band.width());
     std::vector<std::uint8_t> whole;
     std::vector<double> even(width);
+    const double blue_share = LampShares{process_}.blue(n), uv_share = LampShares{process_}.uv(n);
     for (int y = band.y0; y < band.y1; ++y, rows += width, covered += width) {
       if (std::all_of(rows, rows + width, [](std::uint8_t p) { return p == 0; }) &&
           std::all_of(covered, covered + width, [](std::uint8_t p) { return p == 0; })) {
@@ -187,8 +195,8 @@ class LightAdder {
         const std::int32_t share = LitPart::lit(rows[i], covered[i]);
         if (share == 0) continue;
         const double factor = map_.even() ? 1.0 : map_.factor(map_.value(static_cast<int>(x), y));
-        const std::int64_t blue = std::llround(blue_of_[rows[i]] * factor);
-        const std::int64_t uv = uv_images_ ? std::llround(uv_of_[whole[x]]) : 0;
+        const std::int64_t blue = std::llround(blue_of_[rows[i]] * factor * blue_share);
+        const std::int64_t uv = uv_images_ ? std::llround(uv_of_[whole[x]] * uv_share) : 0;
         sums.lit[cell] += share;
         sums.blue[cell] += share * blue;
         sums.uv[cell] += share * uv;
@@ -224,6 +232,7 @@ class LightAdder {
   PixelPlaces across_, down_;
   LightMap map_;
   EvenLight even_light_;  ///< with curing light in place of UV light
+  const Process& process_;
   std::optional<EvenPixels> even_;
   std::vector<double> blue_, blue_of_, uv_of_;
   double full_ = 0, step_ = 0;
@@ -299,7 +308,8 @@ std::vector<CellLight> shown_cells(const SliceSource& shown, const SliceSource& 
   const std::vector<double>& schedule = setup.process.uv.slice_mw_cm2;
   for (std::size_t i = 0; i < slices.size(); ++i) {
     const auto n = std::min(static_cast<std::size_t>(slices[i]), schedule.size() - 1);
-    result.push_back(mean_light(sums[i], schedule[n], setup.process.even_light->uv != nullptr));
+    result.push_back(mean_light(sums[i], schedule[n] * LampShares{setup.process}.uv(slices[i]),
+                                setup.process.even_light->uv != nullptr));
     sums[i] = {};
   }
   return result;
@@ -376,7 +386,7 @@ FlowDoses judge_light(const EvenSections& sections, const std::vector<int>& slic
   goal.pattern = FlowPattern::constant;
   goal.min_gap_um = goal.max_gap_um = light.gap_um;
   goal.max_blue_mw_cm2 = even_blue_cap(target, setup);
-  goal.max_uv_mw_cm2 = setup.printer.uv->max_mw_cm2();
+  goal.max_uv_mw_cm2 = even_uv_cap(setup);
   std::vector<std::optional<FlowDoses::Slice>> found(slices.size());
   const ExecutionContext alone = detail::silent(context);
   parallel_for(context, "dose in flowing resin", found.size(), [&](std::size_t i) {
@@ -410,14 +420,16 @@ FlowDoses judge_light(const EvenSections& sections, const std::vector<int>& slic
 
 }  // namespace detail
 
-FlowDoses flow_doses(const SliceSource& target, const SliceSource* shown, const Setup& setup,
+FlowDoses flow_doses(const SliceSource& target, const SliceSource* shown, const Setup& asked,
                      const ExecutionContext& context) {
   using namespace detail;
-  if (!setup.process.even_light) return {};
+  if (!asked.process.even_light) return {};
+  const Setup setup = lit_setup(asked);
   const EvenLight& light = *setup.process.even_light;
   const std::vector<int> slices = judged_slices(light);
   std::optional<KeptImages> solved;
   if (!shown) shown = &solved.emplace(solved_images(target, setup, slices, context));
+  const WholeTarget whole(target);
   const EvenSections sections(LitPart(target, *shown), setup, {light.gap_um, light.pitch_um},
                               context);
   const FlowGrid& grid = sections.part().grid();
@@ -428,7 +440,7 @@ FlowDoses flow_doses(const SliceSource& target, const SliceSource* shown, const 
   all.gap_um = light.gap_um;
   for (const std::vector<int>& some : in_parts(slices, grid)) {
     const FlowDoses doses =
-        judge_light(sections, some, shown_cells(*shown, target, grid, some, setup, context), target,
+        judge_light(sections, some, shown_cells(*shown, whole, grid, some, setup, context), target,
                     setup, context);
     all.slices.insert(all.slices.end(), doses.slices.begin(), doses.slices.end());
   }

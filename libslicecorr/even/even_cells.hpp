@@ -51,6 +51,8 @@ double part_area_mm2(const FlowSection& section);
 double mean_over_part(const FlowSection& section, const std::vector<double>& values);
 /// The most curing light that every place under the part can have, mW/cm².
 double even_blue_cap(const SliceSource& target, const Setup& setup);
+/// The greatest UV light that comes in every slice, mW/cm².
+double even_uv_cap(const Setup& setup);
 
 /// Lights of the cells of one slice, mW/cm².
 struct CellLight {

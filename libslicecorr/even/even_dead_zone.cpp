@@ -8,9 +8,12 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <map>
 #include <memory>
 
+#include "bands/bands.hpp"
 #include "even/even_finder.hpp"
+#include "even/lit_setup.hpp"
 #include "even/undercured.hpp"
 #include "slicecorr/cure.hpp"
 #include "slicecorr/error.hpp"
@@ -104,6 +107,37 @@ std::unique_ptr<const Try> best_gap(const SliceSource& target, const Setup& setu
   return best;
 }
 
+/// Throws where UV light does not keep what is left alone, which shines as it is, off the window.
+void check_left_alone(const SliceSource& target, const Setup& setup, const Process& process,
+                      const ExecutionContext& context) {
+  if (!target.left_alone()) return;
+  const std::vector<double> blue = level_intensities(setup.printer);
+  const double most_uv = setup.printer.uv->max_mw_cm2();
+  const double beta = flow_resin(setup.resin).kinetics.beta;
+  const bool patterned = process.even_light->uv != nullptr;
+  for (const PixelBox& band : detail::bands_of(target.grid(), target.bounds())) {
+    target.left_alone()->read_band(band, [&](int n, const std::uint8_t* rows) {
+      context.check_cancelled();
+      if (!rows) return;
+      const std::uint8_t most = *std::max_element(rows, rows + detail::columns_of(band));
+      const auto level = level_of_pixel(most, static_cast<int>(blue.size()));
+      const double light = blue[static_cast<std::size_t>(level)];
+      const auto& of_slice = process.uv.slice_mw_cm2;
+      const detail::LampShares lamps{setup.process};
+      const double uv =
+          lamps.uv(n) *
+          (patterned ? most_uv
+                     : of_slice[std::min(static_cast<std::size_t>(n), of_slice.size() - 1)]);
+      if (most == 0 || light * lamps.blue(n) <= beta * uv * (1 + 1e-9)) return;
+      throw InfeasibleError(fmt::format(
+          "what is left alone would stick to the window in slice {}: it shines with {:.4g} mW/cm², of which UV light of "
+          "{:.4g} mW/cm² holds {:.4g} off; expected {}, or the part by itself",
+          n, light * lamps.blue(n), uv, beta * uv,
+          patterned ? "a UV lamp that gives more" : "a UV lamp that shows patterns (uv.kind)"));
+    });
+  }
+}
+
 /// The light, such that the first slices print. Patterns count on what flowing resin brings along: inhibitor in
 /// store from where UV light is strong, and a front that is level up to the outline. At first there is neither, and
 /// resin sticks where curing light comes near to what UV light holds off the window. So every place's curing light is
@@ -133,6 +167,7 @@ Process light_that_prints(const SliceSource& target, const Setup& setup,
                   100 * kHeldOff.back())
             : std::string()));
   }
+  check_left_alone(target, setup, best->process, context);
   best->finder.tell(best->process);
   context.tell(first.in_words());
   return best->process;
@@ -146,34 +181,55 @@ Process find_even_light(const SliceSource& target, const Setup& setup,
     return setup.process;
   }
   check_setup(setup);
-  Process process = light_that_prints(target, setup, context, every);
+  const Setup lit = detail::lit_setup(setup);
+  Process process = light_that_prints(target, lit, context, every);
+  process.light_share = setup.process.light_share;
+  process.lamp_share = setup.process.lamp_share;
   judge_suction(target, {setup.printer, setup.resin, process, setup.gap_um}, context);
   return process;
 }
 
-EvenUvImages::EvenUvImages(const Printer& printer, const Resin& resin, const Process& process,
-                           const Grid& images)
-    : blue_light_(with_blue_as_uv(*process.even_light)),
-      pixels_(*process.even_light, images),
+EvenUvImages::EvenUvImages(const Setup& setup, const Grid& images, const LightMap& map)
+    : map_(map),
+      blue_light_(with_blue_as_uv(*setup.process.even_light)),
+      pixels_(*setup.process.even_light, images),
       blue_(*blue_light_, images) {
+  const Printer& printer = setup.printer;
   const LevelTable lamp(uv_level_intensities(printer));
   const int levels = printer.levels();
+  const std::vector<double> blue = level_intensities(as_lit(printer, setup.process));
   const auto pixel = [&](double mw_cm2) {
     return static_cast<std::uint8_t>(pixel_of_level(lamp.at_least(mw_cm2 * (1 - 1e-12)), levels));
   };
   const double most = printer.uv->max_mw_cm2();
-  for (int s = 0; s <= 255 * kSteps; ++s) of_share_.push_back(pixel(s * most / (255 * kSteps)));
-  const std::vector<double> blue = level_intensities(printer);
+  const Setup lit = detail::lit_setup(setup);
+  const detail::LampShares lamps{lit.process};
+  const std::size_t own =
+      std::max(lit.process.light_share.size(), lit.process.uv_lamp_share.size());
+  std::map<double, std::uint16_t> known;
+  for (std::size_t n = 0; n < std::max<std::size_t>(1, own); ++n) {
+    const double comes = lamps.uv(static_cast<int>(n));
+    const auto [at, fresh] = known.try_emplace(comes, static_cast<std::uint16_t>(known.size()));
+    lamps_.push_back({lamps.blue(static_cast<int>(n)), at->second});
+    if (!fresh) continue;
+    std::vector<std::uint8_t>& of_share = of_share_.emplace_back();
+    for (int s = 0; s <= 255 * kSteps; ++s) {
+      of_share.push_back(pixel(std::min(1.0, s / (255.0 * kSteps) / comes) * most));
+    }
+  }
   for (int p = 0; p < 256; ++p) {
     const int level = level_of_pixel(static_cast<std::uint8_t>(p), levels);
     share_of_[static_cast<std::size_t>(p)] =
         255 * blue[static_cast<std::size_t>(level)] / blue.back();
   }
-  uv_of_blue_ = blue.back() / (flow_resin(resin).kinetics.beta * most);
+  for (std::size_t l = 1; l < blue.size(); ++l) {
+    step_ = std::max(step_, 255 * (blue[l] - blue[l - 1]) / blue.back());
+  }
+  const double beta = flow_resin(setup.resin).kinetics.beta;
+  uv_of_blue_ = blue.back() / (beta * most);
   // Twice what holds black's own light off the window.
-  const double black = level_intensities(printer).front();
-  const double beta = flow_resin(resin).kinetics.beta;
-  of_black_ = black > 0 ? pixel(std::min(most, 2 * black / beta)) : pixel(0);
+  const double black = blue.front();
+  of_black_ = black > 0 ? pixel(std::min(most, 2 * black / (beta * lamps.least_uv()))) : pixel(0);
 }
 
 void EvenUvImages::make_row(int slice, int y, std::span<std::uint8_t> pixels) const {
@@ -183,6 +239,8 @@ void EvenUvImages::make_row(int slice, int y, std::span<std::uint8_t> pixels) co
   std::fill(pixels.begin(), lit, of_black_);
   if (lit == pixels.end()) return;
   std::vector<double> shares(static_cast<std::size_t>(pixels.end() - lit)), even(shares.size());
+  const Lamps& lamps = lamps_[std::min(static_cast<std::size_t>(slice), lamps_.size() - 1)];
+  const std::vector<std::uint8_t>& of_share = of_share_[lamps.table];
   pixels_.uv_of_row(slice, static_cast<int>(first), y, shares);
   blue_.uv_of_row(slice, static_cast<int>(first), y, even);
   for (std::size_t i = 0; i < shares.size(); ++i) {
@@ -191,14 +249,18 @@ void EvenUvImages::make_row(int slice, int y, std::span<std::uint8_t> pixels) co
       p = of_black_;
       continue;
     }
+    // What its place on an uneven display, and its slice, make of it.
+    double share = share_of_[p] * lamps.blue;
+    if (!map_.even())
+      share *= map_.factor(map_.value(static_cast<int>(first + static_cast<std::ptrdiff_t>(i)), y));
     // Dimmer pixels, as beside edges, get less of both lights alike: else inhibitor would be left over
     // and flow to where the part is to gel. But where much of the light is curing light, as on outlines,
     // whose resin has just come in, they get what keeps their own off the window.
     double uv = shares[i];
-    if (share_of_[p] < even[i]) {
-      uv = std::min(uv, std::max(uv * share_of_[p] / even[i], share_of_[p] * uv_of_blue_));
-    }
-    p = of_share_[static_cast<std::size_t>(std::ceil(uv * kSteps - 1e-9))];
+    if (share < even[i]) uv = std::min(uv, std::max(uv * share / even[i], share * uv_of_blue_));
+    // What is left alone shines brighter, and is kept off the window as well.
+    if (share > even[i] + 1 + step_) uv = std::min(255.0, std::max(uv, share * uv_of_blue_));
+    p = of_share[static_cast<std::size_t>(std::ceil(uv * kSteps - 1e-9))];
   }
 }
 

@@ -13,7 +13,9 @@
 #include <utility>
 
 #include "bands/bands.hpp"
+#include "bands/uv_of_slices.hpp"
 #include "even/kept_images.hpp"
+#include "even/lit_setup.hpp"
 #include "even/planned_images.hpp"
 #include "flow/image_light.hpp"
 #include "flow/optimise_from.hpp"
@@ -68,15 +70,8 @@ FlowPattern pattern_of(EvenDeadZone even) {
   }
 }
 
-/// A value rounded up to a ladder, each step `kStep` below the one before, down from `greatest`: so
-/// few that each can have tables of its own.
-double on_ladder(double value, double greatest, double least) {
-  constexpr double kStep = 1.02;
-  if (value >= greatest) return greatest;
-  const double steps =
-      std::floor(std::log(greatest / std::max(value, 1e-9)) / std::log(kStep) + 1e-9);
-  return std::clamp(greatest * std::pow(kStep, -steps), least, greatest);
-}
+/// Steps of the UV light of slices.
+constexpr double kLadderStep = 1.02;
 
 /// Whether resin sticks to the window with one light, and not, or less, with the other.
 bool sticks_more(const FrontDose& light, const FrontDose& other) {
@@ -94,6 +89,7 @@ double worse_by(const FrontDose& light, const FrontDose& other) {
 EvenFinder::EvenFinder(const SliceSource& target, const Setup& setup,
                        const ExecutionContext& context, int every, double hold_off)
     : target_(target),
+      whole_(target),
       setup_(setup),
       context_(context),
       alone_(silent(context)),
@@ -102,7 +98,7 @@ EvenFinder::EvenFinder(const SliceSource& target, const Setup& setup,
       design_(target, setup, {setup.gap_um, 0}, context) {
   goal_.pattern = pattern_of(setup.process.even_dead_zone);
   goal_.max_blue_mw_cm2 = even_blue_cap(target, setup);
-  goal_.max_uv_mw_cm2 = setup.printer.uv->max_mw_cm2();
+  goal_.max_uv_mw_cm2 = even_uv_cap(setup);
   goal_.max_window = kWindows.front();
   goal_.smooth_um = kSmoothUm;
   const double voxels = static_cast<double>(columns_of(target.bounds())) * target.grid().layers;
@@ -153,7 +149,7 @@ std::vector<int> EvenFinder::sticking(const Setup& setup) const {
   const FlowGrid& grid = sections.part().grid();
   std::vector<int> found;
   for (const auto& some : in_parts(slices, grid)) {
-    const auto shown = shown_cells(images, target_, grid, some, setup, alone_);
+    const auto shown = shown_cells(images, whole_, grid, some, setup, alone_);
     const FlowDoses doses = judge_light(sections, some, shown, target_, setup, alone_);
     for (const FlowDoses::Slice& s : doses.slices) {
       if (sticks_more(s.even, s.without)) found.push_back(s.slice);
@@ -179,7 +175,7 @@ EvenFinder::Found EvenFinder::with_constant(const std::vector<int>& slices,
   for (const std::size_t i : chosen) asked.push_back(found_.slices[i]);
   Found found = found_;
   for (const auto& some : in_parts(asked, sections.part().grid())) {
-    const auto shown = shown_cells(images, target_, sections.part().grid(), some, setup, alone_);
+    const auto shown = shown_cells(images, whole_, sections.part().grid(), some, setup, alone_);
     std::vector<Task> tasks;
     for (std::size_t i = 0; i < some.size(); ++i) {
       tasks.push_back({some[i], How::constant, 0, shown[i].image, nullptr});
@@ -269,7 +265,7 @@ EvenFinder::Found EvenFinder::guessed_light(const Setup& setup) {
   // Nothing is lit that is wide enough: light stays as it is.
   if (found.slices.empty()) return std::move(found_);
   for (const auto& some : in_parts(found.slices, sections.part().grid())) {
-    const auto shown = shown_cells(images, target_, sections.part().grid(), some, setup, alone_);
+    const auto shown = shown_cells(images, whole_, sections.part().grid(), some, setup, alone_);
     std::vector<Task> tasks;
     for (std::size_t i = 0; i < some.size(); ++i) {
       tasks.push_back({some[i], How::roughly, 0, shown[i].image, nullptr});
@@ -299,7 +295,7 @@ EvenFinder::Look EvenFinder::mend(const Setup& setup, int round) {
   Look look;
   std::size_t room = most_slices_ - std::min(most_slices_, found_.slices.size());
   for (const auto& some : in_parts(slices, grid)) {
-    const auto shown = shown_cells(images, target_, grid, some, setup, alone_);
+    const auto shown = shown_cells(images, whole_, grid, some, setup, alone_);
     std::vector<Task> tasks;
     const auto add = [&](int slice, How how) {
       const auto at = std::lower_bound(some.begin(), some.end(), slice) - some.begin();
@@ -467,6 +463,20 @@ Process EvenFinder::process_of(Found found) {
   Process process = setup_.process;
   process.even_light = light();
   process.uv = schedule();
+  Process full = process;
+  full.uv.slice_mw_cm2 = {goal_.max_uv_mw_cm2};
+  const PlaceModels models(setup_.printer, setup_.resin, full, target_.grid(), target_.frame());
+  UvLadder{goal_.max_uv_mw_cm2, setup_.printer.uv->min_mw_cm2(), kLadderStep}.put(
+      models, process.uv.slice_mw_cm2);
+  // So much more is asked of a lamp that fades that this comes.
+  process.uv.slice_mw_cm2.resize(
+      std::max(process.uv.slice_mw_cm2.size(), setup_.process.uv_lamp_share.size()),
+      process.uv.slice_mw_cm2.back());
+  for (std::size_t n = 0; n < process.uv.slice_mw_cm2.size(); ++n) {
+    double& asked = process.uv.slice_mw_cm2[n];
+    asked = std::min(asked / LampShares{setup_.process}.uv(static_cast<int>(n)),
+                     setup_.printer.uv->max_mw_cm2());
+  }
   if (patterned()) process.even_light->uv = uv_bytes();
   return process;
 }
@@ -488,9 +498,9 @@ EvenLight EvenFinder::light() const {
 }
 
 std::shared_ptr<const std::vector<std::uint8_t>> EvenFinder::uv_bytes() const {
-  return bytes(
-      [](const SectionOptimum& o) { return &o.uv_mw_cm2; },
-      [&](double mw_cm2) { return std::ceil(mw_cm2 / goal_.max_uv_mw_cm2 * kMostLevel - 1e-9); });
+  const double full = setup_.printer.uv->max_mw_cm2();
+  return bytes([](const SectionOptimum& o) { return &o.uv_mw_cm2; },
+               [&](double mw_cm2) { return std::ceil(mw_cm2 / full * kMostLevel - 1e-9); });
 }
 
 /// Bytes of all slices from one of the lights of each.
@@ -508,7 +518,7 @@ std::shared_ptr<const std::vector<std::uint8_t>> EvenFinder::bytes(const CellsOf
 
 /// One intensity for each slice: what its section needs at most in the mean, as a slow lamp can.
 UvSchedule EvenFinder::schedule() const {
-  const double most = goal_.max_uv_mw_cm2, least = setup_.printer.uv->min_mw_cm2();
+  const double most = goal_.max_uv_mw_cm2;
   const std::vector<int>& slices = found_.slices;
   std::vector<double> at;
   for (const SharedLight& light : found_.lights) at.push_back(light->mean_uv_mw_cm2);
@@ -522,7 +532,7 @@ UvSchedule EvenFinder::schedule() const {
     const double share =
         between ? static_cast<double>(n - slices[i]) / (slices[i + 1] - slices[i]) : 0.0;
     const double value = between ? at[i] + share * (at[i + 1] - at[i]) : at[i];
-    uv.slice_mw_cm2.push_back(on_ladder(value, most, least));
+    uv.slice_mw_cm2.push_back(value);
   }
   return uv;
 }

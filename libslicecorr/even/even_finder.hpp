@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "even/even_cells.hpp"
+#include "even/planned_images.hpp"
 #include "slicecorr/setup.hpp"
 
 namespace slicecorr::detail {
@@ -99,6 +100,7 @@ class EvenFinder {
   static constexpr double kLampStep = 0.02;
 
   const SliceSource& target_;
+  const WholeTarget whole_;  ///< with what is left alone
   const Setup& setup_;
   const ExecutionContext& context_;
   const ExecutionContext alone_;

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "parallel/silent.hpp"
+#include "slicecorr/cure.hpp"
 #include "slicecorr/error.hpp"
 
 namespace slicecorr {
@@ -21,11 +22,11 @@ class LightOfCells {
  public:
   LightOfCells(const Process& process, const Printer& printer, const Grid& images,
                const FlowGrid& cells)
-      : process_(process),
+      : process_(as_lamp_shines(process)),
         cells_(cells),
         images_(images),
         pixels_(*process_.even_light, images_),
-        blue_mw_cm2_(printer.calibration.back().intensity_mw_cm2),
+        blue_mw_cm2_(as_lit(printer, process).calibration.back().intensity_mw_cm2),
         uv_mw_cm2_(printer.uv ? printer.uv->max_mw_cm2() : 0),
         blue_(cells.cells()) {}
 
@@ -62,7 +63,7 @@ class LightOfCells {
     return std::clamp(static_cast<int>(at_um / pixel_um), 0, most - 1);
   }
 
-  const Process& process_;
+  const Process process_;
   FlowGrid cells_;
   Grid images_;
   EvenPixels pixels_;

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "bands/bands.hpp"
+#include "bands/design_band.hpp"
 #include "base/coded_band.hpp"
 #include "correct/even_column.hpp"
 
@@ -88,7 +89,9 @@ void PlannedImages::read_band(const PixelBox& band, const Sink& sink) const {
   }
   std::stable_sort(shown.begin(), shown.end(),
                    [](const Change& a, const Change& b) { return a.at < b.at; });
-  std::vector<std::uint8_t> now(columns_of(band), 0);
+  const auto left_alone = left_alone_of(target_, band);
+  LeftAloneRows left_rows(left_alone ? &*left_alone : nullptr);
+  std::vector<std::uint8_t> now(columns_of(band), 0), both(now.size());
   std::size_t next = 0, lit = 0;
   for (int n = 0; n < layers; ++n) {
     for (; next < shown.size() && shown[next].at == n; ++next) {
@@ -97,7 +100,14 @@ void PlannedImages::read_band(const PixelBox& band, const Sink& sink) const {
       pixel = shown[next].value;
       lit += static_cast<std::size_t>(pixel != 0);
     }
-    sink(n, lit > 0 ? now.data() : nullptr);
+    const std::uint8_t* const left = left_rows.at(n);
+    if (!left) {
+      sink(n, lit > 0 ? now.data() : nullptr);
+      continue;
+    }
+    std::transform(now.begin(), now.end(), left, both.begin(),
+                   [](std::uint8_t a, std::uint8_t b) { return std::max(a, b); });
+    sink(n, both.data());
   }
 }
 

@@ -4,14 +4,15 @@
 /// What a correction for an even dead zone will show, before anything is solved.
 #pragma once
 
+#include "bands/design_band.hpp"
 #include "bands/place_plans.hpp"
 #include "slicecorr/target.hpp"
 
 namespace slicecorr::detail {
 
 /// The slices of a target as they will be lit under the even light of a setup: grey values, by
-/// `EvenColumn`. Slices after the target's last one are left out, and so is what the target leaves
-/// alone. Thread-safe once made; `target` must outlive it.
+/// `EvenColumn`, and what the target leaves alone as it is. Slices after the target's last one are left
+/// out. Thread-safe once made; `target` must outlive it.
 class PlannedImages final : public SliceSource {
  public:
   /// Throws as `correct_stack`.
@@ -25,6 +26,21 @@ class PlannedImages final : public SliceSource {
  private:
   const SliceSource& target_;
   PlacePlans plans_;
+};
+
+/// A target with what is left alone, as images cover both. `target` must outlive it.
+class WholeTarget final : public SliceSource {
+ public:
+  explicit WholeTarget(const SliceSource& target) : target_(target) {}
+  const Grid& grid() const override { return target_.grid(); }
+  PixelBox bounds() const override { return target_.bounds(); }
+  ImageFrame frame() const override { return target_.frame(); }
+  void read_band(const PixelBox& band, const Sink& sink) const override {
+    read_as_sliced(target_, band, sink);
+  }
+
+ private:
+  const SliceSource& target_;
 };
 
 /// What of a target is there for the resin when images are shown: pixels that are lit, covered as in

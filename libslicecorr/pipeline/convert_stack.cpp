@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <numeric>
+#include <optional>
 
 #include "bands/bands.hpp"
 #include "pipeline/relief.hpp"
@@ -31,23 +32,24 @@ std::array<std::uint8_t, 256> uv_of_pixels(const CureModel& model, int levels) {
   return uv_of_pixel;
 }
 
-void set_uv_images(StackWriter& writer, const CureModel& model, const Setup& setup,
+void set_uv_images(StackWriter& writer, const PlaceModels& models, const Setup& setup,
                    const Grid& images) {
   if (setup.process.even_light && setup.process.even_light->uv) {
     // Lives as long as the writer asks it.
     struct Made {
-      Process process;
+      Setup setup;
       EvenUvImages images;
-      Made(const Setup& s, const Grid& grid)
-          : process(s.process), images(s.printer, s.resin, process, grid) {}
+      Made(const Setup& s, const Grid& grid, const LightMap& map)
+          : setup(s), images(setup, grid, map) {}
     };
-    const auto made = std::make_shared<const Made>(setup, images);
+    const auto made = std::make_shared<const Made>(setup, images, models.map());
     writer.set_uv_pattern(made->images.of_black(),
                           [made](int slice, int y, std::span<std::uint8_t> pixels) {
                             made->images.make_row(slice, y, pixels);
                           });
     return;
   }
+  const CureModel& model = models.brightest();
   if (!model.inhibited() || model.inhibited()->uv_levels().empty()) return;
   writer.set_uv_pattern(uv_of_pixels(model, setup.printer.levels()));
 }
@@ -105,11 +107,11 @@ void convert_stack(const StackReader& stack, const StackFile& file, const Execut
     info.part_volume_mm3 = coverage_mm3(stack, context);
   }
   check_file_times(file, info);
+  std::optional<PlaceModels> models;  // the writer asks them for UV images
   StackWriter writer(file, grid, context);
   if (info.printer && info.resin && info.process) {
-    const PlaceModels models(*info.printer, *info.resin, *info.process, grid, slices.frame());
-    detail::set_uv_images(writer, models.brightest(),
-                          {*info.printer, *info.resin, *info.process, 0}, grid);
+    models.emplace(*info.printer, *info.resin, *info.process, grid, slices.frame());
+    detail::set_uv_images(writer, *models, {*info.printer, *info.resin, *info.process, 0}, grid);
   }
   const SliceSource* edges = slices.edge_heights();
   if (edges != nullptr && !writer.keep_edge_heights()) edges = nullptr;

@@ -248,7 +248,7 @@ StackCorrection::StackCorrection(const SliceSource& target, const Setup& asked,
   if (together_) return;
   if (target.doses()) detail::check_doses(*target.doses(), target, plans_.models(), setup_);
   if (setup_.uncertainty) uncertain_.emplace(setup_, plans_.models(), target.bounds());
-  detail::set_uv_images(writer_, model(), setup_, grid_);
+  detail::set_uv_images(writer_, plans_.models(), setup_, grid_);
   bodies_.emplace(bands_, plans_.all_layers(), model(), context);
   // What uncorrected light joins in the end is told beside the correction, not when.
   if (with_before_) bodies_before_.emplace(bands_, plans_.layers(), model(), context, false);

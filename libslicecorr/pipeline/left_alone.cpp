@@ -97,12 +97,7 @@ void LeavingAlone::LeftPixels::read_band(const PixelBox& band, const Sink& sink)
 }
 
 void AsSliced::read_band(const PixelBox& band, const Sink& sink) const {
-  const auto left_alone = detail::left_alone_of(target_, band);
-  detail::LeftAloneRows rows_left(left_alone ? &*left_alone : nullptr);
-  std::vector<std::uint8_t> room(detail::columns_of(band));
-  target_.read_band(band, [&](int n, const std::uint8_t* rows) {
-    sink(n, detail::as_sliced(rows, rows_left.at(n), room));
-  });
+  detail::read_as_sliced(target_, band, sink);
 }
 
 }  // namespace slicecorr

@@ -10,6 +10,7 @@
 
 #include "slicecorr/cure.hpp"
 #include "slicecorr/pipeline.hpp"
+#include "slicecorr/place_models.hpp"
 #include "slicecorr/stack.hpp"
 
 namespace slicecorr::detail {
@@ -18,8 +19,8 @@ namespace slicecorr::detail {
 std::array<std::uint8_t, 256> uv_of_pixels(const CureModel& model, int levels);
 
 /// Lets the writer make an image in UV light of every slice, where the lamp shows patterns: by the
-/// curing light of each pixel, or by place for an even dead zone.
-void set_uv_images(StackWriter& writer, const CureModel& model, const Setup& setup,
+/// curing light of each pixel, or by place for an even dead zone. `models` must outlive the writer's work.
+void set_uv_images(StackWriter& writer, const PlaceModels& models, const Setup& setup,
                    const Grid& images);
 
 }  // namespace slicecorr::detail

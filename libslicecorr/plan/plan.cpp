@@ -10,6 +10,7 @@
 #include <cmath>
 #include <memory>
 
+#include "bands/uv_of_slices.hpp"
 #include "parallel/silent.hpp"
 #include "plan/along_z.hpp"
 #include "plan/closed.hpp"
@@ -57,8 +58,10 @@ void check(const SliceSource& target, const Setup& setup, const PlanAsk& ask) {
   const Process& p = setup.process;
   expect(p.even_dead_zone == EvenDeadZone::off,
          "light for an even dead zone can't be planned for; expected UV light of one intensity");
-  expect(p.uv.kind == UvKind::off || p.uv.kind == UvKind::constant,
-         "UV light that changes can't be planned for; expected one intensity");
+  expect(
+      !detail::chooses_uv_of_slices(p) || !setup.printer.flat_field,
+      "UV light that changes from slice to slice can't be planned for where the display's light is uneven; expected "
+      "one intensity, or a printer without display.flat_field");
   expect(p.layer_heights_um.empty(),
          "layers of different heights can't be planned for; expected layers of one height");
   expect(!setup.printer.uv_flat_field || p.uv.kind == UvKind::off,

@@ -9,12 +9,14 @@
 #include <atomic>
 #include <cmath>
 #include <mutex>
+#include <numeric>
 #include <optional>
 #include <set>
 #include <tuple>
 
 #include "bands/correct_group.hpp"
 #include "bands/place_plans.hpp"
+#include "bands/uv_of_slices.hpp"
 #include "parallel/silent.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/kinetics.hpp"
@@ -25,6 +27,8 @@ namespace {
 
 /// Rounding of doses and of edges, far below what anybody measures.
 constexpr double kSameContrast = 1e-9, kSameUm = 1e-6;
+/// Columns that are corrected together.
+constexpr std::size_t kBlock = 512;
 
 /// Size, scale and frame of a target without its voxels.
 class Outline final : public SliceSource {
@@ -218,10 +222,65 @@ Setup as_machine_moves(Setup setup, const StageChange& stage) {
   return setup;
 }
 
+namespace {
+
+PlanPoint point_at(const Process& process) {
+  PlanPoint point;
+  const bool continuous = process.mode == ExposureMode::continuous;
+  (continuous ? point.speed_mm_h : point.exposure_s) =
+      continuous ? process.speed_mm_h : process.exposure_s;
+  return point;
+}
+
+/// A point that does not print.
+PlanPoint refused_at(const Process& process, const InfeasibleError& e) {
+  PlanPoint point = point_at(process);
+  point.why = e.what();
+  const bool black = point.why.find("black") != std::string::npos;
+  const bool travel = point.why.find("travels") != std::string::npos;
+  point.limited_by = travel ? "travel" : black ? "black" : "light";
+  return point;
+}
+
+}  // namespace
+
+/// UV light of each slice, where it is to be chosen: by the brightest pixels of all columns, whichever of them are
+/// looked at.
+Process Trials::with_uv(const Setup& setup, const ExecutionContext& context) const {
+  if (!chooses_uv_of_slices(setup.process)) return setup.process;
+  const Outline outline(target_);
+  const PlacePlans plans(outline, setup, context);
+  const CorrectionPlan& plan = plans.plan();
+  PlaceWindows all(plans.models(), plan.all_layers);
+  std::vector<std::uint32_t> which(columns_.columns().size());
+  std::iota(which.begin(), which.end(), 0U);
+  const ExecutionContext quiet = silent(context);
+  std::mutex merging;
+  parallel_for(quiet, "", (which.size() + kBlock - 1) / kBlock, [&](std::size_t b) {
+    const auto some = std::span<const std::uint32_t>(which).subspan(
+        b * kBlock, std::min(kBlock, which.size() - b * kBlock));
+    WindowWatch watch(plan.model, plan.all_layers, some.size());
+    DesignGroup group;
+    group.columns = some.size();
+    group.made = columns_.reader(some);
+    correct_group(plan, group, {.put = [](int, const std::uint8_t*) {}, .watch = &watch}, quiet);
+    const std::lock_guard lock(merging);
+    all.merge(plans.models().map().reference(), watch);
+  });
+  return with_uv_of_slices(setup, plans.models(), all.greatest_mw_cm2());
+}
+
 PlanPoint Trials::correct(const Setup& asked, std::span<const std::uint32_t> which,
                           const TrialAsk& ask, const ExecutionContext& context) const {
-  const Setup setup = as_machine_moves(asked, ask_.stage);
-  if (!setup.printer.flat_field) return correct_evenly(setup, which, ask, context);
+  Setup setup = as_machine_moves(asked, ask_.stage);
+  if (!setup.printer.flat_field) {
+    try {
+      setup.process = with_uv(setup, context);
+    } catch (const InfeasibleError& e) {
+      return refused_at(setup.process, e);
+    }
+    return correct_evenly(setup, which, ask, context);
+  }
   // Where light is uneven every column must keep what is asked for in the least and in the most light that
   // the part gets anywhere.
   const LightMap map(setup.printer, target_.grid(), target_.frame());
@@ -251,27 +310,19 @@ PlanPoint Trials::correct(const Setup& asked, std::span<const std::uint32_t> whi
 
 PlanPoint Trials::correct_evenly(const Setup& setup, std::span<const std::uint32_t> which,
                                  const TrialAsk& ask, const ExecutionContext& context) const {
-  PlanPoint point;
-  const bool continuous = setup.process.mode == ExposureMode::continuous;
-  (continuous ? point.speed_mm_h : point.exposure_s) =
-      continuous ? setup.process.speed_mm_h : setup.process.exposure_s;
+  PlanPoint point = point_at(setup.process);
   const Outline outline(target_);
   std::optional<PlacePlans> plans;
   try {
     plans.emplace(outline, setup, context);
     plans->plan();
   } catch (const InfeasibleError& e) {
-    point.why = e.what();
-    const bool black = point.why.find("black") != std::string::npos;
-    const bool travel = point.why.find("travels") != std::string::npos;
-    point.limited_by = travel ? "travel" : black ? "black" : "light";
-    return point;
+    return refused_at(setup.process, e);
   }
   const CorrectionPlan& plan = plans->plan();
   const int slices = plan.all_layers;
   const int predicted = columns_.has_heights() ? std::max(slices, plan.layers + 1) : slices;
   const PixelCurve curve = pixel_curve(plan.model);
-  constexpr std::size_t kBlock = 512;
   const std::size_t blocks = (which.size() + kBlock - 1) / kBlock;
   const ExecutionContext quiet = silent(context);
   Findings all;

@@ -44,6 +44,7 @@ class Trials {
  private:
   PlanPoint correct_evenly(const Setup& setup, std::span<const std::uint32_t> which,
                            const TrialAsk& ask, const ExecutionContext& context) const;
+  Process with_uv(const Setup& setup, const ExecutionContext& context) const;
   class Block;
 
   const SliceSource& target_;

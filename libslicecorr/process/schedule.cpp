@@ -84,7 +84,11 @@ Process as_lamp_shines(Process process) {
   // What is asked of it, slice by slice, and what comes.
   std::vector<double> asked = uv.slice_mw_cm2;
   if (uv.kind == UvKind::constant) asked = {uv.uv_mw_cm2};
-  if (asked.empty()) return process;  // not known yet (schedule_uv)
+  if (asked.empty()) {
+    // Not known yet (schedule_uv); of patterns the kernel counts what comes.
+    if (uv.kind == UvKind::patterned) process.uv_lamp_share = uv_lamp;
+    return process;
+  }
   uv.slice_mw_cm2.clear();
   for (std::size_t n = 0; n < std::max(asked.size(), uv_lamp.size()); ++n) {
     uv.slice_mw_cm2.push_back(asked[std::min(n, asked.size() - 1)] *

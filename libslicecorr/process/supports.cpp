@@ -72,50 +72,40 @@ constexpr const char* kMirrorUv =
 constexpr const char* kStayUv =
     "slices that get more light where they go slower are not computed beside an even dead zone, whose "
     "light is made for one speed; expected lamps that follow the speed, or even_dead_zone off";
-constexpr const char* kDimLightUv =
-    "light below full (light_share) is not counted beside an even dead zone, for which all light is made; "
-    "expected all of the light, or even_dead_zone off";
-constexpr const char* kOwnLightUv =
-    "layers that get different shares of the light (light_share) are not counted under UV light, of which "
-    "they get all; expected one share for all, or no UV light";
 constexpr const char* kHeightsUv =
     "layers of different heights are not counted under UV light; expected layers of one height, or no "
     "UV light";
 constexpr const char* kEdgesInHeights =
     "edges lie at slices: the mesh's own heights are not counted in layers of different heights";
 constexpr const char* kSureUv =
-    "how sure a print is can't be said beside an even dead zone, whose dose depends on how resin flows; "
-    "expected even_dead_zone off";
+    "how sure a print is can't be said beside an even dead zone: inputs that are off move the front, and with it "
+    "the flow that brings its dose; expected even_dead_zone off";
 constexpr const char* kCapUv =
     "the dose inside features is not capped: under UV light they get the least that gels them";
 constexpr const char* kExchangeUv =
-    "resin that lifts exchange is not counted under UV light; expected no lift_exchange";
+    "the share of resin that lifts exchange is not counted under UV light: each layer is made "
+    "to hold by its own exposure, whatever the share";
 constexpr const char* kRobustUv =
-    "a correction can't be robust beside an even dead zone, for which all light is made; expected "
-    "even_dead_zone off";
+    "a correction can't be robust beside an even dead zone: inputs that are off move the front, and with it the "
+    "flow that brings its dose; expected even_dead_zone off";
 
 constexpr const char* kPulsesUv =
     "{printer}: blue.grey: grey by pulses is not counted beside an even dead zone, whose flow mixes what pulses "
     "did; expected even_dead_zone off, or grey = \"steady\"";
 
 constexpr const char* kUnevenUvShown =
-    "{printer}: uv.flat_field: uneven UV light is counted for one intensity only (uv_mw_cm2, or dead_zone_um "
-    "without a schedule); expected one, or a printer without uv.flat_field";
+    "{printer}: uv.flat_field: uneven UV light is not counted where UV light has a pattern, whose levels would be "
+    "others at each place; expected UV light that floods the window, or a printer without uv.flat_field";
 
 constexpr Unsupported kTable[] = {
     {uneven_uv, uneven_light, refused,
-     "{printer}: uv.flat_field: is not counted beside a flat_field of the display; expected one of both"},
-    {uneven_uv, uv_per_slice, refused, kUnevenUvShown},
+     "{printer}: uv.flat_field: is not counted beside a flat_field of the display: places then differ in two lights, "
+     "in more pairs than there is room for tables of; expected one of both"},
     {uneven_uv, uv_patterned, refused, kUnevenUvShown},
     {uneven_uv, even_dead_zone, refused, kUnevenUvShown},
     {uneven_uv, spread, refused,
      "{printer}: uv.flat_field: is not counted where light spreads; expected no spread, or a printer "
      "without uv.flat_field"},
-    {fading_uv, uv_patterned, refused,
-     "a UV lamp that fades (uv_lamp_log) is not counted where UV light has a pattern; expected one intensity "
-     "(uv_mw_cm2), or one per slice"},
-    {fading_uv, even_dead_zone, refused,
-     "a UV lamp that fades (uv_lamp_log) is not counted beside an even dead zone; expected even_dead_zone off"},
     {pulsed_grey, even_dead_zone, refused, kPulsesUv},
     {pulsed_grey, spread, refused,
      "{printer}: blue.grey: grey by pulses is not counted where light spreads, since pulses of pixels "
@@ -132,18 +122,11 @@ constexpr Unsupported kTable[] = {
      "{printer}: vat.platform_reflectance: is not counted for a resin that bleaches: light that comes back "
      "passes what it has bleached on its way, and bleaches it once more; expected a printer without it, or a "
      "resin without [bleaching]"},
-    {vat_depth, even_dead_zone, refused,
-     "{printer}: vat.depth_um: is not counted beside an even dead zone; expected a printer without it, "
-     "or even_dead_zone off"},
     UNDER_UV(reflectance, refused, kMirrorUv),
     {lamps_stay, even_dead_zone, refused, kStayUv},
     {lamps_stay, layerwise, refused,
      "more light for slower slices is for continuous exposure: layer by layer the stage stands still; "
      "expected continuous exposure"},
-    {dim_light, even_dead_zone, refused, kDimLightUv},
-    {own_light, uv_constant, refused, kOwnLightUv},
-    {own_light, uv_per_slice, refused, kOwnLightUv},
-    {own_light, uv_patterned, refused, kOwnLightUv},
     UNDER_UV(own_heights, refused, kHeightsUv),
     UNDER_UV(moved_heights, refused, kHeightsUv),
     IN_HEIGHTS(
@@ -151,30 +134,20 @@ constexpr Unsupported kTable[] = {
         "layers of different heights are not counted in resin that ends above the window: its end "
         "would lie inside layers, which then get a part of a slice's light; expected layers of one "
         "height, or no depth"),
-    {uv_per_slice, uneven_light, not_corrected,
-     "UV light that changes from slice to slice is not corrected for where the display's light is uneven; "
-     "expected constant UV light (uv-mw-cm2), or a printer without display.flat_field"},
     {uv_patterned, spread, not_corrected,
      "patterned UV light is not corrected for where light spreads from pixel to pixel; expected constant UV "
      "light (uv-mw-cm2), or a printer and a resin without spread"},
     // What is wanted of a correction.
     {wanted_doses, exchange, refused,
-     "doses can't be graded where lifts exchange resin; expected no lift_exchange, or 0"},
+     "doses can't be graded where lifts exchange resin: what of a dose is left depends on when its place gels, which "
+     "layers still to come decide; expected no lift_exchange, or 0"},
     {wanted_doses, even_dead_zone, refused,
-     "doses can't be graded beside an even dead zone, for which all light is made; expected "
-     "even_dead_zone off"},
+     "doses can't be graded beside an even dead zone: the light that gels resin just at the gap is the dose inside as "
+     "well, and leaves none to choose; expected even_dead_zone off"},
     {derivatives, even_dead_zone, refused, kSureUv},
-    {left_alone, even_dead_zone, refused,
-     "nothing can be left alone beside an even dead zone, for which all light is made; expected "
-     "even_dead_zone off, or the part by itself"},
     {robust, even_dead_zone, refused, kRobustUv},
-    {robust, wanted_doses, refused,
-     "a correction can't be robust where doses are wanted; expected a part without them"},
     {even_dead_zone, layerwise, refused,
      "an even dead zone is for continuous exposure: layer by layer resin comes to rest"},
-    {even_dead_zone, uneven_light, refused,
-     "an even dead zone is not found where the display's light is uneven; expected a printer without "
-     "display.flat_field"},
     {even_dead_zone, spread, refused,
      "an even dead zone is not found where light spreads; expected light that stays in its pixel"},
     // What is left out.
@@ -193,7 +166,7 @@ constexpr Unsupported kTable[] = {
     {capped_dose, bleaching, without,
      "the dose inside features is not capped: of a resin that bleaches they get the least that gels "
      "them"},
-    UNDER_UV(exchange, refused, kExchangeUv),
+    UNDER_UV(exchange, without, kExchangeUv),
     {exchange, gel_time, without,
      "the share of resin that lifts exchange is not counted with a resin of model \"gel-time\", whose inhibitor "
      "is exchanged as well: each layer is made to hold by its own exposure, whatever the share"},
@@ -243,7 +216,9 @@ std::vector<Feature> features_of(const Printer& printer, const Resin& resin,
   add(process.mode == ExposureMode::layerwise && process.lifts == Lifts::each &&
           process.lift_exchange > 0,
       exchange);
-  add(slices_differ(lit), lamps_stay);
+  add(process.mode == ExposureMode::continuous && !lit.slice_speed_mm_h.empty() &&
+          lit.slice_lamps == SliceLamps::stay,
+      lamps_stay);
   add(light_differs(lit) || usual_light_share(lit) != 1, dim_light);
   add(light_differs(lit), own_light);
   const bool heights = !process.layer_heights_um.empty();

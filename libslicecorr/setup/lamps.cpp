@@ -5,6 +5,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+
 #include "setup/exposures.hpp"
 #include "slicecorr/cure.hpp"
 #include "slicecorr/error.hpp"
@@ -28,7 +30,10 @@ void take_lamp_log(const std::vector<double>& shares, const std::string& name,
 double uv_for_weakest_place(const Setup& setup, double dead_zone_um) {
   const FlatField& field = *setup.printer.uv_flat_field;
   const double least = 1.0 * field.least() / field.reference;
-  const double full = level_intensities(as_lit(setup.printer, setup.process)).back();
+  const Process lit = as_lamp_shines(setup.process);
+  double most_share = usual_light_share(lit);
+  for (const double share : lit.light_share) most_share = std::max(most_share, share);
+  const double full = level_intensities(setup.printer).back() * most_share;
   const double needed =
       uv_for_dead_zone(make_kinetics(setup.resin, true, true), full, dead_zone_um) / least;
   const double most = setup.printer.uv->max_mw_cm2();

@@ -380,10 +380,14 @@ void Resolver::resolve_uv(Setup& setup) const {
     wrong(fmt::format("{} patterned: the UV lamp of printer '{}' floods the window", schedule,
                       setup.printer.name));
   }
-  if (setup.printer.uv_flat_field && !patterned && c_.uv_schedule.empty()) {
-    uv.kind = UvKind::constant;
-    uv.uv_mw_cm2 = detail::uv_for_weakest_place(setup, c_.dead_zone_um);
-    return;
+  if (setup.printer.uv_flat_field && !patterned) {
+    // By slice no place needs more.
+    const double weakest_mw_cm2 = detail::uv_for_weakest_place(setup, c_.dead_zone_um);
+    if (c_.uv_schedule.empty()) {
+      uv.kind = UvKind::constant;
+      uv.uv_mw_cm2 = weakest_mw_cm2;
+      return;
+    }
   }
   uv.kind = c_.uv_schedule == "patterned" || (c_.uv_schedule.empty() && patterned)
                 ? UvKind::patterned

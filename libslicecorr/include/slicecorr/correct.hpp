@@ -93,7 +93,7 @@ class BandCorrector {
   /// has none; those between a full and an empty layer count. Where the node after the last layer
   /// has some, too, it is called once more, with null for coverage.
   /// `left_alone`: pixels 1..255 of the voxels that are shown as they are, 0 for all others; null:
-  /// none. There the coverage counts for nothing: whatever prints is right. Not with even light.
+  /// none. There the coverage counts for nothing: whatever prints is right.
   void add_layer(const std::uint8_t* coverage, const std::uint8_t* heights = nullptr,
                  const std::uint8_t* left_alone = nullptr);
 

@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "slicecorr/flow_doses.hpp"
+#include "slicecorr/light_map.hpp"
 #include "slicecorr/parallel.hpp"
 #include "slicecorr/process.hpp"
 #include "slicecorr/target.hpp"
@@ -41,26 +42,35 @@ Process find_even_light(const SliceSource& target, const Setup& setup,
 /// `shown`: the corrected slices, whose pixels count; null: those that the correction will show, known
 /// from the design and the even light. Judged is what is lit and has gelled material above: where
 /// features stay dark before an edge, resin is as open as beside the part.
-FlowDoses flow_doses(const SliceSource& target, const SliceSource* shown, const Setup& setup,
+FlowDoses flow_doses(const SliceSource& target, const SliceSource* shown, const Setup& asked,
                      const ExecutionContext& context = {});
 
 /// UV images under even light by place: rows of a slice's grey pixels become the pixels of its UV
 /// image. Where nothing is lit there is just the UV light that keeps black from curing.
 class EvenUvImages {
  public:
-  /// `process.even_light` must be there with UV light by place, and outlive this.
-  EvenUvImages(const Printer& printer, const Resin& resin, const Process& process,
-               const Grid& images);
+  /// `process.even_light` of the setup must be there with UV light by place. It and `map`, which is that of the
+  /// display, must outlive this.
+  EvenUvImages(const Setup& setup, const Grid& images, const LightMap& map);
   std::uint8_t of_black() const { return of_black_; }
   void make_row(int slice, int y, std::span<std::uint8_t> pixels) const;
 
  private:
+  const LightMap& map_;
   std::shared_ptr<const EvenLight> blue_light_;  ///< with curing light in place of UV light
   EvenPixels pixels_, blue_;
   std::array<double, 256> share_of_{};  ///< by pixel, of full curing light, of 255
+  double step_ = 0;                     ///< the greatest of `share_of_` from level to level
   double uv_of_blue_ = 0;  ///< share of UV light that keeps a share of curing light off the window
   std::uint8_t of_black_ = 0;
-  std::vector<std::uint8_t> of_share_;  ///< by share of full light, in steps of 1/kSteps of 1/255
+  /// Of a slice: its share of the usual curing light, and which of the tables goes with its UV lamp.
+  struct Lamps {
+    double blue = 1;
+    std::uint16_t table = 0;
+  };
+  std::vector<Lamps> lamps_;  ///< the last holds for later slices
+  /// By the share of full UV light that is to come, in steps of 1/kSteps of 1/255.
+  std::vector<std::vector<std::uint8_t>> of_share_;
   static constexpr int kSteps = 16;
 };
 

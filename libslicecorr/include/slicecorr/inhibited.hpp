@@ -18,6 +18,10 @@
 /// Where the resin ends above the window (`Printer::resin_depth_um`), light goes no further: the tables
 /// reach beyond its end, where what slices add is 0.
 ///
+/// Light of a share s (`Process::light_share`) is as usual light under Iuv / s, times s^m: slices with other shares
+/// have a setting of that UV light, and count s^m times (`CureModel::exposure_ratio`). Intensities of settings are
+/// those over usual blue light.
+///
 /// The kernel is 0 nearer than the dead zone and greatest at z0: a slice hardly acts on its own
 /// layer. See correct.hpp for what that means for the correction.
 ///
@@ -91,6 +95,15 @@ class InhibitedKernel {
   /// UV intensity over a pixel of a grey level in a slice.
   double uv_mw_cm2(int slice, int level) const { return uv_of(setting_of_slice(slice), level); }
   double setting_uv_mw_cm2(int setting, int level) const { return uv_of(setting, level); }
+  /// What a slice has of the usual blue light, and that over the share of UV light that comes of what is asked.
+  struct BlueShare {
+    double blue = 1, over_uv = 1;
+  };
+  /// Share of the usual blue light in the first slice of a setting: what the intensities of the setting, blue and
+  /// UV, are to be multiplied by to be those of that slice.
+  double blue_share(int setting) const {
+    return blue_share_.empty() ? 1.0 : blue_share_[static_cast<std::size_t>(setting)];
+  }
   /// UV grey level that goes with each blue one where UV is patterned; empty else.
   const std::vector<int>& uv_levels() const { return uv_levels_; }
 
@@ -191,7 +204,7 @@ class InhibitedKernel {
                              : level_uv_[static_cast<std::size_t>(level)] *
                                    setting_share_[static_cast<std::size_t>(setting)];
   }
-  void take_settings(const std::vector<double>& slice_mw_cm2);
+  void take_settings(const std::vector<double>& asked_mw_cm2, const std::vector<BlueShare>& shares);
   void take_sources(bool pulsed);
   void make_tables();
   void tabulate(int setting);
@@ -226,6 +239,7 @@ class InhibitedKernel {
   int least_even_level_ = 0;
   std::vector<double> flow_factor_;  ///< [setting * levels + level]; empty: all 1
   double depth_um_ = 0;              ///< of the resin; 0: without end
+  std::vector<double> blue_share_;   ///< by setting; empty: all 1
   mutable std::vector<std::vector<float>> fine_;
   std::unique_ptr<std::once_flag[]> fine_made_;
 };

@@ -65,6 +65,8 @@ class PlaceModels {
   bool of_uv() const { return of_uv_; }
   /// Share of the UV calibration's light that a value stands for; 1 where the map is of curing light.
   double uv_factor(std::uint8_t value) const;
+  /// How many UV intensities slices may have in all, so that light is told apart as said above.
+  int uv_settings_that_fit() const;
 
  private:
   struct Made;
@@ -73,6 +75,8 @@ class PlaceModels {
   Process process_;
   double layer_um_;
   bool of_uv_ = false;
+  int least_ = 1,
+      values_ = 1;  ///< of an uneven map under UV light: the least value, and how many there are
   LightMap map_;
   mutable std::array<std::mutex, 256> making_;
   mutable std::array<std::unique_ptr<Made>, 256> made_;

@@ -51,8 +51,6 @@ nlohmann::ordered_json feature_rows() {
     std::vector<Feature> together{a};
     if (b) together.push_back(*b);
     if (is(Feature::exchange) && !is(Feature::lifts)) together.push_back(Feature::lifts);
-    // Continuous, slices that get other shares of the light count for more or less.
-    if (!layerwise && is(Feature::own_light)) together.push_back(Feature::lamps_stay);
     if (is(Feature::own_light)) together.push_back(Feature::dim_light);
     if (layerwise) together.push_back(Feature::layerwise);
     if (gel_time) together.push_back(Feature::gel_time);

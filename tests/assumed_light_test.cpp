@@ -4,6 +4,7 @@
 /// Light that nobody measured, and what is taken in its place.
 #include "slicecorr/assumed_light.hpp"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -115,6 +116,67 @@ TEST(AssumedLight, TheArchivesExposureIsTheOneThatPrints) {
   c.layer_um = 0;
   c.layer_heights_um = {25, 50};
   EXPECT_NEAR(without(c), dose, 1e-12 * dose);
+}
+
+// A stack that was corrected so says strength and dose with their margins: who repeats its options gets them
+// once, whatever exposure and strength it was corrected with.
+TEST(AssumedLight, OptionsThatAreRepeatedChangeNothing) {
+  for (const double exposure_s : {0.0, 4.0}) {
+    for (const double strength : {0.0, 1.5}) {
+      SCOPED_TRACE(fmt::format("{} s, {}", exposure_s, strength));
+      SetupChoices c = choices();
+      c.exposure_s = exposure_s;
+      c.green_strength = strength;
+      c.layer_heights_um = {50, 80, 50};
+      StackInfo info = archive(50, 2.5);
+      info.light_share = {0.5};
+      const slicecorr::Setup made = assumed(c, info);
+      // The archive that comes of it.
+      info.kind = StackKind::corrected;
+      info.printer = made.printer;
+      info.resin = made.resin;
+      info.process = made.process;
+      info.exposure_s = made.process.exposure_s;
+      const auto again = [&](const SetupChoices& said) {
+        return resolve_setup(said, &info, &info, ChoiceNames::options);
+      };
+      const double dose = made.resin.critical_dose_mj_cm3, green = made.process.green_strength;
+      SetupChoices without_times = c;
+      without_times.layer_heights_um.clear();
+      without_times.exposure_s = 0;
+      for (const SetupChoices& said : {SetupChoices{}, c, without_times}) {
+        const slicecorr::Setup seen = again(said);
+        EXPECT_NEAR(seen.resin.critical_dose_mj_cm3, dose, 1e-14 * dose);
+        EXPECT_NEAR(seen.process.green_strength, green, 1e-14 * green);
+        EXPECT_EQ(seen.process.assumed, AssumedLight::mono_lcd_405);
+        ASSERT_TRUE(seen.uncertainty);
+      }
+      SetupChoices none;
+      EXPECT_EQ(again(none).process.green_strength, green);
+      // A strength by itself is that of people, who know of no margin.
+      none.green_strength = 1.5;
+      EXPECT_NEAR(again(none).process.green_strength, 1.5 * std::sqrt(2.5), 1e-12);
+      // What is measured has no margin.
+      SetupChoices measured;
+      std::string lit = test::kUnlitPrinter;
+      const std::string unlit = "\"to be measured\"";
+      lit.replace(lit.find(unlit), unlit.size(), "[[0, 0], [255, 1.5]]");
+      measured.printer_toml = lit;
+      measured.resin_toml = kResin;
+      EXPECT_NEAR(again(measured).process.green_strength,
+                  strength > 0 ? strength : kDefaultGreenStrength, 1e-12);
+      EXPECT_EQ(again(measured).process.assumed, AssumedLight::none);
+    }
+  }
+}
+
+// An archive with times is printed layer by layer: that is what is asked for first.
+TEST(AssumedLight, AnArchiveWithTimesIsSaidToBeLayerByLayer) {
+  SetupChoices c = choices();
+  c.mode.clear();
+  const StackInfo info = archive(50, 2.5);
+  EXPECT_THAT(refusal([&] { resolve_setup(c, &info, &info, ChoiceNames::options); }),
+              HasSubstr("expected --mode layerwise, which takes the archive's exposure times"));
 }
 
 TEST(AssumedLight, CurvesOfTypicalDisplays) {

@@ -36,6 +36,13 @@ const Kind& kind_of(AssumedLight light) { return kKinds[static_cast<std::size_t>
 
 double mean_multiple() { return std::sqrt(kLeastOfHolding * kMostOfHolding); }
 
+/// Critical doses per second of full light at the far edge of a layer that is exposed so long that the mean
+/// multiple of `holds` arrives there.
+double critical_share(const Resin& resin, double layer_um, double holds) {
+  return std::pow(10, -resin.m * layer_um / resin.absorbance_height10_um) /
+         (mean_multiple() * holds);
+}
+
 }  // namespace
 
 std::string_view words_of(AssumedLight light) { return kind_of(light).words; }
@@ -91,8 +98,7 @@ Resin with_assumed_dose(Resin resin, double layer_um, double exposure_s, double 
   resin.chemistry.reset();
   resin.gel_dose_mj_cm3 = resin.inhibition_dose_mj_cm3 = resin.inhibition_resupply_mj_cm3_s = 0;
   resin.dose_factor = 1;
-  const double a = std::pow(10, -resin.m * layer_um / resin.absorbance_height10_um);
-  const double critical_s = exposure_s * a / (mean_multiple() * holds);
+  const double critical_s = exposure_s * critical_share(resin, layer_um, holds);
   if (resin.critical_dose_prime > 0) {
     resin.critical_dose_prime = critical_s;
   } else {
@@ -101,7 +107,19 @@ Resin with_assumed_dose(Resin resin, double layer_um, double exposure_s, double 
   return resin;
 }
 
+double exposure_of_assumed_dose(const Resin& resin, double layer_um, double holds) {
+  const double critical_s =
+      resin.critical_dose_prime > 0
+          ? resin.critical_dose_prime
+          : units::areal_from_volumetric(resin.critical_dose_mj_cm3, dose_height_e_um(resin));
+  return critical_s / critical_share(resin, layer_um, holds);
+}
+
 double assumed_green_strength(double holds) { return holds * mean_multiple() / kLeastOfHolding; }
+
+double holds_of_assumed(double green_strength) {
+  return green_strength * kLeastOfHolding / mean_multiple();
+}
 
 std::string assumption_in_words(const Printer& printer, const Resin& resin,
                                 const Process& process) {

@@ -438,7 +438,7 @@ std::string how_to_measure_light(const Printer& printer) {
       "close together, 0 and {} among them, and note the mW/cm² of each. slicecorr testpart levels makes "
       "these images, with a table to fill in, and resinctl import a printer file of the table. Who has "
       "calipers and no power meter takes slicecorr testpart films and resinctl calibrate; layer by layer "
-      "what is typical may be assumed (assume)",
+      "the setting assume, typical, takes the light of typical displays",
       kToBeMeasured, printer.name,
       printer.wavelength_nm > 0 ? fmt::format(" for {:g} nm", printer.wavelength_nm) : "",
       printer.levels() - 1);

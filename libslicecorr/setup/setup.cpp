@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <numeric>
 
+#include "setup/assume.hpp"
 #include "setup/exposures.hpp"
 #include "setup/lamps.hpp"
 #include "slicecorr/assumed_light.hpp"
@@ -34,15 +35,6 @@ namespace {
 
 [[noreturn]] void wrong(const std::string& message) { throw InputError(message); }
 
-/// Figures of a print whose light is assumed say how sure they are, wherever that is counted.
-void assume_errors(Setup& setup) {
-  std::vector<Feature> features = features_of(setup.printer, setup.resin, setup.process);
-  features.push_back(Feature::derivatives);
-  if (find_unsupported(features, Verdict::refused)) return;
-  setup.uncertainty =
-      parse_uncertainty(std::string(kAssumedUncertainty), setup.process.mode, 1, {});
-}
-
 class Resolver {
  public:
   Resolver(const SetupChoices& choices, ChoiceNames names) : c_(choices), names_(names) {}
@@ -68,9 +60,6 @@ class Resolver {
   void resolve_uv(Setup& setup) const;
   /// Lamps follow the stage where a machine would else refuse the speed, and nothing is said of ramps.
   void resolve_ramp(Setup& setup) const;
-  /// What is assumed needs lifts, of which nobody knows what they exchange.
-  void check_assumed(const Setup& setup) const;
-  void assume_dose(Setup& setup, const StackInfo* times, double layer_um) const;
   void resolve_even_dead_zone(Setup& setup) const;
   bool any_exposure() const {
     return c_.exposure_s > 0 || c_.bottom_exposure_s > 0 || c_.bottom_layers >= 0 ||
@@ -413,49 +402,6 @@ void check_recorded(const Setup& setup, const StackInfo& info) {
       "that print; expected no others, and no resin with another exponent m");
 }
 
-void Resolver::check_assumed(const Setup& setup) const {
-  const Process& p = setup.process;
-  const std::string option = o("assume");
-  if (p.mode != ExposureMode::layerwise || p.lifts != Lifts::each) {
-    wrong(fmt::format(
-        "{} counts on exposures after which the platform lifts; expected {} layerwise, and {} "
-        "each, with it",
-        option, o("mode"), o("lifts")));
-  }
-  if (p.uv.kind != UvKind::off || p.even_dead_zone != EvenDeadZone::off) {
-    wrong(fmt::format(
-        "{} says no mW/cm², by which UV light inhibits; expected no {}, {} or {} with it", option,
-        o("uv_mw_cm2"), o("dead_zone_um"), o("even_dead_zone")));
-  }
-  if (p.lift_exchange != kUnknownExchange) {
-    wrong(fmt::format(
-        "{} makes layers hold whatever lifts exchange; expected no {} with it, by which first "
-        "layers stay liquid",
-        option, o("lift_exchange")));
-  }
-  if (c_.dc_mj_cm3 > 0 || c_.dose_factor > 0) {
-    wrong(fmt::format("{} takes the dose from the exposure; expected no {} or {} with it", option,
-                      o("dc_mj_cm3"), o("dose_factor")));
-  }
-}
-
-void Resolver::assume_dose(Setup& setup, const StackInfo* times, double layer_um) const {
-  check_assumed(setup);
-  Process& p = setup.process;
-  // The highest layer is the one that holds last.
-  for (const double um : p.layer_heights_um) layer_um = std::max(layer_um, um);
-  // What an archive says prints; what is chosen in its place may not.
-  double exposure_s = p.exposure_s * usual_light_share(p);
-  if (times && times->exposure_s > 0) {
-    Process archive;
-    archive.light_share = times->light_share;
-    exposure_s = times->exposure_s * usual_light_share(archive);
-  }
-  setup.resin = with_assumed_dose(std::move(setup.resin), layer_um, exposure_s, p.green_strength);
-  setup.resin.display = setup.printer.name;
-  p.green_strength = assumed_green_strength(p.green_strength);
-}
-
 Printer Resolver::printer() const {
   if (assumes()) {
     Printer display = c_.printer_toml.empty() ? load_display(c_.printer)
@@ -510,11 +456,17 @@ Setup Resolver::resolve(const StackInfo* info, const StackInfo* times) const {
   check_choices(c_, names_);
   const bool recorded = info && info->printer && info->resin && info->process;
   const auto need = [&](bool given, std::string_view option) {
-    if (!given && !recorded) {
-      throw InputError(fmt::format(
-          "the stack does not say how it is printed; expected {} (and {}, {}, {} or {} layerwise)",
-          o(option), o("printer"), o("resin"), o("speed_mm_h"), o("mode")));
-    }
+    if (given || recorded) return;
+    const bool by_layer = assumes() || (times && times->exposure_s > 0);
+    throw InputError(
+        option == "speed_mm_h" && by_layer
+            ? fmt::format("the stack does not say how it is printed; expected {} layerwise, which "
+                          "takes the archive's exposure times, or {}",
+                          o("mode"), o(option))
+            : fmt::format(
+                  "the stack does not say how it is printed; expected {} (and {}, {}, {} or "
+                  "{} layerwise)",
+                  o(option), o("printer"), o("resin"), o("speed_mm_h"), o("mode")));
   };
   const bool printer_given = !c_.printer.empty() || !c_.printer_toml.empty();
   const bool resin_given = !c_.resin.empty() || !c_.resin_toml.empty();
@@ -539,6 +491,9 @@ Setup Resolver::resolve(const StackInfo* info, const StackInfo* times) const {
   }
   if (printer_given && !recorded) resolve_ramp(setup);
   resolve_lifts(setup, recorded && setup.process.mode == info->process->mode);
+  const StackInfo* const assumed =
+      recorded && info->process->assumed != AssumedLight::none ? info : nullptr;
+  detail::assume_strength(c_, assumed, setup.process);
   if (assumes()) {
     const StackInfo* const sized = info ? info : times;
     if (!sized && !(c_.layer_um > 0) && setup.process.layer_heights_um.empty()) {
@@ -548,7 +503,8 @@ Setup Resolver::resolve(const StackInfo* info, const StackInfo* times) const {
           o("assume")));
     }
     setup.process.assumed = assumed_light(c_.assume, setup.printer);
-    assume_dose(setup, times, sized ? sized->grid.layer_um : c_.layer_um);
+    detail::assume_dose({c_, names_, assumed, times}, sized ? sized->grid.layer_um : c_.layer_um,
+                        setup);
   } else if (printer_given) {
     setup.process.assumed = AssumedLight::none;
   }
@@ -574,7 +530,7 @@ Setup Resolver::resolve(const StackInfo* info, const StackInfo* times) const {
       setup.process.spread_rounds = 0;
     }
   }
-  if (setup.process.assumed != AssumedLight::none) assume_errors(setup);
+  if (setup.process.assumed != AssumedLight::none) detail::assume_errors(setup);
   if (info && info->recording) check_recorded(setup, *info);
   setup.printer = for_resin(std::move(setup.printer), setup.resin);
   return setup;

@@ -48,8 +48,12 @@ Printer with_assumed_light(Printer display, AssumedLight light);
 /// resin's dose is no sum of light, or its file tells it in seconds already.
 Resin with_assumed_dose(Resin resin, double layer_um, double exposure_s, double holds);
 
-/// Gel doses at a layer's far edge with which it holds for the least multiple.
+/// The exposure for which `with_assumed_dose` gave `resin` its dose, s.
+double exposure_of_assumed_dose(const Resin& resin, double layer_um, double holds);
+
+/// Gel doses at a layer's far edge with which it holds for the least multiple; and what holds, of those.
 double assumed_green_strength(double holds);
+double holds_of_assumed(double green_strength);
 
 /// What was assumed, in two sentences; empty where nothing was.
 std::string assumption_in_words(const Printer& printer, const Resin& resin, const Process& process);

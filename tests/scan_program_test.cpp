@@ -21,6 +21,8 @@ using testing::HasSubstr;
 class ScanProgram : public ProgramFixture {
  protected:
   ScanProgram() {
+    // Seconds of work; other tests and builds may run beside it.
+    options_.timeout = std::chrono::minutes(5);
     write_stl(folder_ / "hook.stl", hook());
     write("small.toml", kSmallPrinter);
     write("believed.toml", resin_text("believed", 600, 576));

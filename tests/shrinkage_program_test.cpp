@@ -23,6 +23,8 @@ using testing::Not;
 class ShrinkageProgram : public ProgramFixture {
  protected:
   ShrinkageProgram() {
+    // Seconds of work; other tests and builds may run beside it.
+    options_.timeout = std::chrono::minutes(5);
     write_stl(folder_ / "hook.stl", hook());
     write("small.toml", kSmallPrinter);
     write("plain.toml", resin_text("plain", 600, 576));

@@ -303,5 +303,55 @@ TEST_F(EvenDeadZoneProgram, WhatCannotBeIsRefused) {
       {"even dead zone of 60 um", "sticks to the window in slice", "less speed"});
 }
 
+TEST_F(EvenDeadZoneProgram, WhatIsLeftAloneIsKeptOffTheWindowAlthoughTheUvLampFades) {
+  write_stl(folder_ / "part.stl", box({-1.5, -1.5, 0}, {1.5, 1.5, 0.6}));
+  write_stl(folder_ / "post.stl", box({2.2, -0.3, 0}, {2.8, 0.3, 0.6}));
+  std::ofstream(folder_ / "log.csv") << "slice,uv_lamp_share\n0,1\n5,0.95\n";
+  const auto run = [](const std::string& printer, const std::string& kind, const std::string& out) {
+    return Command{"run",
+                   "part.stl",
+                   "-o",
+                   out,
+                   "--printer",
+                   printer,
+                   "--resin",
+                   "resin.toml",
+                   "--layer-um",
+                   "50",
+                   "--speed-mm-h",
+                   "300",
+                   "--even-dead-zone",
+                   kind,
+                   "--gap-um",
+                   "60",
+                   "--leave-alone",
+                   "post.stl",
+                   "--uv-lamp-log",
+                   "log.csv"};
+  };
+  done(run("patterned.toml", "both", "out.uvj"));
+  const StackReader stack(folder_ / "out.uvj", folder_.path());
+  const Grid& grid = stack.info().grid;
+  const auto pixels = static_cast<std::size_t>(grid.width_px * grid.height_px);
+  std::vector<std::uint8_t> blue(pixels), uv(pixels);
+  // The plate's middle is that of both, 0.65 mm beside the part's: the post's lies 37 pixels beside it.
+  for (int n = 0; n < 12; ++n) {
+    stack.read_slice(n, blue.data());
+    stack.read_uv_slice(n, uv.data());
+    for (int y = 128; y < 132; ++y) {
+      for (int x = 165; x < 169; ++x) {
+        const auto i = static_cast<std::size_t>(y * grid.width_px + x);
+        ASSERT_EQ(blue[i], 255) << n << " " << x << " " << y;
+        const double comes = 275.0 * uv[i] / 255 * (n < 5 ? 1 : 0.95);
+        EXPECT_GE(0.799895 * comes, 200 * (1 - 1e-9)) << n << " " << x << " " << y;
+      }
+    }
+  }
+  // With less than that no pattern can.
+  std::ofstream(folder_ / "log.csv") << "slice,uv_lamp_share\n0,1\n5,0.9\n";
+  bad(3, run("patterned.toml", "both", "no.uvj"),
+      {"what is left alone would stick to the window in slice 5"});
+}
+
 }  // namespace
 }  // namespace slicecorr

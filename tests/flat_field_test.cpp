@@ -19,6 +19,7 @@
 #include "real_files.hpp"
 #include "run_program.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/inhibited.hpp"
 #include "slicecorr/load_printer.hpp"
 #include "slicecorr/pipeline.hpp"
 #include "slicecorr/place_models.hpp"
@@ -592,17 +593,28 @@ TEST_F(FlatFieldTest, SolidAndComparisonSeeThePlace) {
             verify_stack(target, target, truth).cure_through_voxels);
 }
 
-TEST_F(FlatFieldTest, UvPerSliceIsRefused) {
+TEST_F(FlatFieldTest, UvPerSliceHoldsTheDeadZoneAtEveryPlace) {
   const MemorySlices target = random_target(kGrid, 11);
   Settings setup = modes()[4].setup;
   setup.process.uv = {UvKind::per_slice, 0, 15, {}};
   Values values(256);
   for (std::size_t i = 0; i < 256; ++i) values[i] = static_cast<std::uint8_t>(180 + i % 3 * 25);
-  const Settings uneven = with(setup, field_of(16, 16, values, 200));
-  EXPECT_THAT(refusal([&] { correct_stack(target, uneven, path("uv.uvj"), {}); }),
-              HasSubstr("from slice to slice is not corrected for where the display's light is "
-                        "uneven"));
-  EXPECT_FALSE(std::filesystem::exists(path("uv.uvj")));
+  Settings uneven = with(setup, field_of(16, 16, values, 200));
+  uneven.process = schedule_uv(target, uneven);
+  const std::vector<double>& uv = uneven.process.uv.slice_mw_cm2;
+  const MemorySlices shown(CorrectedSlices(target, uneven));
+  ASSERT_EQ(uv.size(), static_cast<std::size_t>(shown.grid().layers));
+  const Kinetics kinetics = make_kinetics(uneven.resin, true, true);
+  const LightMap map(uneven.printer, kGrid, {});
+  for (int n = 0; n < shown.grid().layers; ++n) {
+    for (int i = 0; i < 256; ++i) {
+      const int x = i % 16, y = i / 16;
+      const double blue = (1 + 99.0 * shown.at(n, x, y) / 255) * map.factor(map.value(x, y));
+      if (shown.at(n, x, y) == 0) continue;
+      ASSERT_GE(uv[static_cast<std::size_t>(n)], uv_for_dead_zone(kinetics, blue, 15) * (1 - 1e-9))
+          << n << " " << x << " " << y;
+    }
+  }
 }
 
 // ---- what can't be printed ------------------------------------------------------------------

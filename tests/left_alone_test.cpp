@@ -304,17 +304,5 @@ TEST(LeftAlone, FiguresCountItApart) {
   }
 }
 
-TEST(LeftAlone, IsRefusedBesideAnEvenDeadZone) {
-  const MemorySlices part(grid_of(16, 16, 4)), support(grid_of(16, 16, 4));
-  const LeavingAlone target(part, {{&support, "supports", false}});
-  auto setup = setup_of();
-  setup.printer.uv = UvLamp{365, true, {{0, 0}, {255, 100}}};
-  setup.resin.inhibition = Inhibition{0.73, 37.8, 1, 0};
-  setup.resin.viscosity_pa_s = 0.3;
-  setup.process.uv.kind = UvKind::patterned;
-  setup.process.even_dead_zone = EvenDeadZone::both;
-  EXPECT_THROW(CorrectedSlices(target, setup), InputError);
-}
-
 }  // namespace
 }  // namespace slicecorr

@@ -15,6 +15,7 @@
 
 #include "slicecorr/error.hpp"
 #include "slicecorr/tomo/print.hpp"
+#include "slicecorr/tomo/report.hpp"
 #include "slicecorr/vial.hpp"
 #include "slicecorr/vial_outline.hpp"
 #include "snell.hpp"
@@ -471,6 +472,10 @@ TEST(TomoTraced, SolvingCountsIt) {
   EXPECT_LT(of_naive.metrics.contrast, 0.9 * counted.figures.metrics.contrast);
   RecordProperty("counted", std::to_string(counted.figures.metrics.contrast));
   RecordProperty("naive", std::to_string(of_naive.metrics.contrast));
+  // Its page has what others have.
+  const Box<float> dose = dose_of(counted.job);
+  EXPECT_NE(report_page({counted.job, dose, counted.figures}, "a ring").find("a ring"),
+            std::string::npos);
   // The rod is neither part nor void, resin beside it is.
   EXPECT_EQ(counted.job.insert.values[counted.job.insert.at(0, c, c)], 255);
   EXPECT_EQ(counted.job.insert.values[counted.job.insert.at(0, c, c + 3)], 0);

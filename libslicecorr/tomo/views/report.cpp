@@ -117,7 +117,8 @@ Markup figures_table(const Printed& p) {
   const Vial& vial = *p.job.printer.vial;
   const double n = index_of(p.job.resin), r = part_radius_mm(p.job.part, p.job.sampling.voxel_mm);
   const double q = r * n / vial.n_outside;
-  if (!misses(vial, n, q, 0)) {
+  // Of light that is traced there is no closed form.
+  if (!vial.traced() && !misses(vial, n, q, 0)) {
     table.row("Light through the wall",
               fmt::format("{} to {}", percent(transmittance(vial, n, q, 0)),
                           percent(transmittance(vial, n, 0, 0))),

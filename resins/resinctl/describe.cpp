@@ -564,6 +564,14 @@ std::string printer_json(const Printer& p, const std::string& path) {
                         {"n_jacket", p.vial->n_jacket}});
     }
     if (p.vial->traced()) j["vial"]["shape"] = name_of(p.vial->shape);
+    if (p.vial->shape != VialShape::round) j["vial"]["wall_mm"] = p.vial->wall_mm;
+    if (p.vial->shape == VialShape::square) {
+      j["vial"]["side_mm"] = p.vial->side_mm;
+      j["vial"]["corner_mm"] = p.vial->corner_mm;
+    }
+    for (const FlatPoint& c : p.vial->outline) {
+      j["vial"]["outline"].push_back({c.x_mm, c.y_mm});
+    }
     for (const Rod& rod : p.vial->rods) {
       j["vial"]["rods"].push_back({{"x_mm", rod.x_mm},
                                    {"y_mm", rod.y_mm},

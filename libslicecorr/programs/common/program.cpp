@@ -27,6 +27,7 @@
 #include <sstream>
 #include <system_error>
 
+#include "programs/common/flag_words.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/version.hpp"
 #include "support/files/temporary.hpp"
@@ -339,12 +340,16 @@ int Program::run(int argc, char** argv) {
     words.erase(words.begin() + 1);
     words.push_back(help.data());
   }
+  if (const std::string apart = word_apart(app_, words); !apart.empty()) {
+    write_stderr(fmt::format("{}: {}\n", app_.get_name(), text::printable(apart)));
+    return finish(kInput);
+  }
   try {
     app_.parse(static_cast<int>(words.size()), words.data());
   } catch (const CLI::ParseError& e) {
     std::ostringstream out, err;
     const int code = app_.exit(e, out, err) == 0 ? kDone : kInput;
-    const std::string text = printed_ + wrapped(out.str());
+    const std::string text = printed_ + wrapped(with_flag_words(out.str()));
     std::fwrite(text.data(), 1, text.size(), stdout);
     write_stderr(err.str());
     return finish(code);

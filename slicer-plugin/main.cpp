@@ -111,7 +111,8 @@ int correct_one(const Arguments& a, const PostRequest& request, const ExecutionC
       outcome.rule.empty() ? "" : "; " + outcome.rule);
   for (const std::string& written : outcome.written) text += "  also written: " + written + "\n";
   for (const std::string& gone : outcome.removed) text += taken_away(gone).substr(1) + "\n";
-  console.say(text + cli::summary(outcome.correction.after, outcome.correction.before));
+  console.say(text + cli::summary(outcome.correction.after, outcome.correction.before) +
+              cli::lifts_line(outcome.format, outcome.setup.process));
   return cli::kDone;
 }
 
@@ -156,7 +157,7 @@ int run(const Arguments& a, const CLI::App& app, const ExecutionContext& context
   }
   Log log(a.log, a.json_log, !context.notice);
   const WatchResult result = watch(a.watch, request, log, context);
-  return result.failed > 0 ? cli::kInput : cli::kDone;
+  return result.code;
 }
 
 int run_program(int argc, char** argv) {
@@ -188,8 +189,9 @@ int run_program(int argc, char** argv) {
   grouped(app->add_flag("--recursive", a.watch.recursive, "Watch the folders in them, too"));
   grouped(app->add_flag("--new-only", a.watch.new_only,
                         "Leave alone what is there at the start, except work that was cut short"));
-  grouped(
-      app->add_flag("--once", a.watch.once, "Correct what is there, then stop; 2 if any failed"));
+  grouped(app->add_flag("--once", a.watch.once,
+                        "Correct what is there, then stop; the exit code is that of what failed, 2 "
+                        "where several failed differently"));
   grouped(app->add_option("--jobs", a.watch.jobs, "Files at once; they share the threads"))
       ->check(CLI::Range(1, 256))
       ->capture_default_str();

@@ -207,9 +207,10 @@ TEST(JobsForMachines, SayPrinterAndFormat) {
   write_file(made / "a.stl", bridge_stl(1));
   Queue queue(folder.database());
   const auto prepared = [&](const std::string& more) {
-    const std::string text = "[[job]]\npart = \"" + (made / "a.stl") +
-                             "\"\nresin = \"benchy-resin\"\nlayer_um = 50\nspeed_mm_h = 800\n" +
-                             more;
+    const std::string text =
+        "[[job]]\npart = \"" + (made / "a.stl") +
+        "\"\nresin = \"benchy-resin\"\nlayer_um = 50\nmode = \"continuous\"\nspeed_mm_h = 800\n" +
+        more;
     return prepare(parse_jobs_toml(text, "jobs.toml"), folder, queue, "anna", false, {});
   };
   const Submission s = prepared("for = \"saturn-1\"\n");

@@ -53,8 +53,10 @@ class AsSdcp : public testing::Test {
     made->spec.height_px = 800;
     add_machine(made->folder, made->spec);
     const std::string file = made->folder.root + "/machines.toml";
-    write_file(file,
-               text_of_file(file) + "[machine.job]\nresin = \"benchy-resin\"\nspeed_mm_h = 800\n");
+    write_file(
+        file,
+        text_of_file(file) +
+            "[machine.job]\nresin = \"benchy-resin\"\nmode = \"continuous\"\nspeed_mm_h = 800\n");
   }
   void serve(std::vector<std::string> clients = {"127.0.0.1"}) {
     AsSdcpOptions options;

@@ -429,7 +429,8 @@ TEST_F(PrintFileSays, LayersOfTwoHeightsAreCorrectedByTheirOwn) {
 
 TEST_F(PrintFileSays, LayersOfTwoHeightsAreCountedWhileThePlatformMoves) {
   reported("layers_of_two_heights.goo");
-  const Command moving{"--printer", "wide.toml", "--resin", "plain.toml", "--speed-mm-h", "20"};
+  const Command moving{"--printer", "wide.toml",  "--resin",      "plain.toml",
+                       "--mode",    "continuous", "--speed-mm-h", "20"};
   good(Command{"correct", "layers_of_two_heights.goo", "-o", "moved.goo"} + moving);
   const json f = figures("moved.goo", "layers_of_two_heights.goo", moving);
   EXPECT_EQ(f["undercure_voxels"], 0);

@@ -129,12 +129,15 @@ void choose_format(const JobRequest& r, const std::string& input_format, WorkSpe
   spec.format = format_of(StackFile("out." + wanted));
 }
 
-/// What can't be written is refused before the night.
-void check_format(const Resolved& w, const std::string& input_format) {
-  if (w.spec.tomo || (w.spec.kind == "correct" && w.spec.format == input_format)) return;
-  StackFile file("out." + w.spec.ending);
-  file.format = w.spec.format;
-  check_can_be_made(file, !w.setup.process.layer_heights_um.empty());
+/// What can't be written, or moved as its file is printed, is refused before the night.
+void check_format(const JobRequest& r, const Resolved& w, const std::string& input_format) {
+  if (w.spec.tomo) return;
+  StackFile made("out." + w.spec.ending);
+  made.format = w.spec.format;
+  check_lifts(made, w.setup.process, r.setup.mode == "continuous",
+              r.as_options ? ChoiceNames::options : ChoiceNames::fields);
+  if (w.spec.kind == "correct" && w.spec.format == input_format) return;
+  check_can_be_made(made, !w.setup.process.layer_heights_um.empty());
 }
 
 std::int64_t parse_ready_by(const std::string& text, std::int64_t now_ms) {
@@ -387,7 +390,7 @@ class Preparation {
         }
         w.ready_by_ms = parse_ready_by(r.ready_by, now);
         choose_format(r, input_format_[r.parts[0]], w.spec);
-        check_format(w, input_format_[r.parts[0]]);
+        check_format(r, w, input_format_[r.parts[0]]);
       } catch (const Error& e) {
         refuse(r, e.what());
         w.setup_json.clear();

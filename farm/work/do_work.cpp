@@ -22,6 +22,7 @@
 #include "slicecorr/assumed_light.hpp"
 #include "slicecorr/bodies.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/even_greys.hpp"
 #include "slicecorr/farm/clock.hpp"
 #include "slicecorr/farm/store.hpp"
 #include "slicecorr/farm/work.hpp"
@@ -178,6 +179,9 @@ std::vector<std::string> make_stack(const WorkOrder& order, const std::vector<st
     archive.emplace(paths[0], folder, context, facts);
   }
   const SliceSource& slices = mesh ? **mesh : static_cast<const SliceSource&>(*archive);
+  const bool foreign = archive && archive->info().kind == StackKind::foreign;
+  const std::string corrected_before =
+      foreign ? even_greys(slices, context).in_words() : std::string();
   const FittedSlices fitted = cli::fit_for_output(slices, file, setup.printer, context);
   const LeftAloneFiles leaving(*fitted, left_alone, mesh ? mesh->place() : MeshesLeftAlone{},
                                setup.printer, folder, context,
@@ -192,9 +196,11 @@ std::vector<std::string> make_stack(const WorkOrder& order, const std::vector<st
   const Correction result =
       cli::make_part(target, setup, file, base, title, context, [&] { reporter.begin(2); });
   fill_figures(outcome.figures, result.after);
-  // It ends well, but with warnings: of light that is not this printer's, and of bodies.
+  // It ends well, but with warnings: of light that is not this printer's, of what was corrected already or
+  // lifts, and of bodies.
   for (const std::string& text :
-       {other_wavelength_in_words(setup.printer, setup.resin, setup.process.uv.kind != UvKind::off),
+       {corrected_before, holds_without_lifts(spec.format, setup.process),
+        other_wavelength_in_words(setup.printer, setup.resin, setup.process.uv.kind != UvKind::off),
         other_display_in_words(setup.printer, setup.resin),
         assumption_in_words(setup.printer, setup.resin, setup.process)}) {
     if (!text.empty()) outcome.message += (outcome.message.empty() ? "" : "; ") + text;

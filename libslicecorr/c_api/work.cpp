@@ -16,6 +16,7 @@
 #include "pipeline/vanished.hpp"
 #include "slicecorr/dead_zone.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/even_greys.hpp"
 #include "slicecorr/inhibited.hpp"
 #include "slicecorr/left_alone.hpp"
 #include "slicecorr/place_models.hpp"
@@ -415,9 +416,12 @@ slicecorr_status slicecorr_correct(const slicecorr_stack* target, const slicecor
     const slicecorr::StackFile file = output_file(t, path, keeps);
     const slicecorr::ExecutionContext context = job_of(handle);
     const slicecorr::Setup s = setup_for_target(t, setup);
+    const bool continuous = need(setup, "setup").choices.mode == "continuous";
+    slicecorr::check_lifts(file, s.process, continuous, slicecorr::ChoiceNames::fields);
     tell_notices(s, t, context);
     const Images images(t, s.printer, scratch_folder(handle, file.path), context,
                         left_alone(setup));
+    slicecorr::tell_even_greys(images.source(), t.info.kind, context);
     const slicecorr::Correction done =
         slicecorr::correct_stack(images.source(), s, file, {.before = before != nullptr}, context);
     auto figures_after = after ? figures_of(done.after) : nullptr;

@@ -21,6 +21,7 @@
 #include "slicecorr/load_display.hpp"
 #include "slicecorr/load_printer.hpp"
 #include "slicecorr/machine_motion.hpp"
+#include "slicecorr/print_file.hpp"
 #include "slicecorr/same_light.hpp"
 #include "slicecorr/settings.hpp"
 #include "slicecorr/supports.hpp"
@@ -108,6 +109,12 @@ void Resolver::resolve_exposure(Process& process, const StackInfo* times) const 
   if (layerwise) {
     resolve_layerwise(process, times);
   } else {
+    if (times && c_.mode.empty() && c_.speed_mm_h > 0 && printers_always_lift(times->format)) {
+      wrong(fmt::format(
+          "printers that read files of the format {} lift after each layer; expected no {}: {} layerwise takes "
+          "the file's exposure times; {} continuous only where the platform does not lift",
+          times->format, o("speed_mm_h"), o("mode"), o("mode")));
+    }
     // Who has a file with times of layers, or assumes light, prints layer by layer.
     const bool by_layer = (times && times->exposure_s > 0) || !c_.assume.empty();
     if (by_layer && c_.mode.empty() && !(c_.speed_mm_h > 0) && !(process.speed_mm_h > 0)) {

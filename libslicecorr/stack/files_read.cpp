@@ -26,10 +26,12 @@ void check_can_be_made(const StackFile& file, bool uneven) {
   const detail::ArchiveFormat& format = detail::format_named(file.format, file.path);
   const std::string of_format = fmt::format("files of the format {}", format.name());
   if (!format.made_new()) {
-    throw InputError(file.path, "",
-                     of_format +
-                         " are only changed, not made from nothing; expected a file of the "
-                         "same printer as the template, or a format that can be made new");
+    throw InputError(
+        file.path, "",
+        of_format +
+            " are only changed, not made from nothing; expected a format that can be "
+            "made new, or three steps: slice the part into UVJ, convert that with a file "
+            "of the printer's own slicer as the template, and correct the result");
   }
   if (uneven && !format.says_heights()) {
     throw InputError(file.path, "",
@@ -37,6 +39,57 @@ void check_can_be_made(const StackFile& file, bool uneven) {
                          " can't say that layers are of different heights; expected a format "
                          "that can, as GOO, CTB or UVJ");
   }
+}
+
+namespace {
+
+detail::PrintersLift lift_of(const std::string& format) {
+  for (const detail::ArchiveFormat* f : detail::all_archive_formats()) {
+    if (f->name() == format) return f->printers_lift();
+  }
+  return detail::PrintersLift::not_known;
+}
+
+}  // namespace
+
+bool printers_always_lift(const std::string& format) {
+  return lift_of(format) == detail::PrintersLift::always;
+}
+
+void check_lifts(const StackFile& file, const Process& process, bool said, ChoiceNames names) {
+  if (said || process.mode != ExposureMode::continuous) return;
+  const std::string format = format_of(file);
+  if (!printers_always_lift(format)) return;
+  throw InputError(
+      file.path, "",
+      fmt::format(
+          "printers that read files of the format {} lift after each layer; expected no {}, but {} "
+          "layerwise; {} continuous only where the platform does not lift",
+          format, setting_name(names, "speed_mm_h"), setting_name(names, "mode"),
+          setting_name(names, "mode")));
+}
+
+std::string holds_without_lifts(const std::string& format, const Process& process) {
+  const detail::PrintersLift lift = lift_of(format);
+  if (lift == detail::PrintersLift::not_known || process.mode != ExposureMode::continuous)
+    return {};
+  return fmt::format(
+      "All this holds only where the platform moves while slices are shown: printers that read files of the "
+      "format {} lift after each layer{}.",
+      format, lift == detail::PrintersLift::always ? "" : " as a rule");
+}
+
+std::string doubted_grey_in_words(const std::string& printer) {
+  const std::string path = find_definition(printer, "printer");
+  const toml::table table = parse_toml(read_text_file(path), path);
+  const TomlTable root(table, path);
+  const std::string grey = root.required_table("display").text("grey", "shown");
+  if (grey != "said to be none") return {};
+  return fmt::format(
+      "printer '{}' is said to show no grey at all (its file: [display] grey): then greys of a correction come "
+      "out black or white, and nothing that is told of the print holds. Look first: slicecorr testpart levels "
+      "shows its levels one after the other",
+      root.text("name", printer));
 }
 
 std::vector<std::string> endings_read_by(const std::string& printer) {

@@ -360,9 +360,12 @@ void StackWriter::Impl::write_coded(const StackInfo& info, const GreyImage& prev
       !file_holds_levels(codec->shown(), *info.printer)) {
     throw InputError(
         file.path, "",
-        fmt::format("the stack was corrected with {} grey levels, of which the format {} "
-                    "holds {}; expected the part to be corrected into this format",
-                    info.printer->levels(), format.name(), detail::levels_of(codec->shown())));
+        fmt::format(
+            "the stack was corrected with {} grey levels, of which the format {} "
+            "holds {}; expected the design to be converted into this format first, with a file of "
+            "the printer's slicer as the template where it needs one, and the result to be "
+            "corrected",
+            info.printer->levels(), format.name(), detail::levels_of(codec->shown())));
   }
   const StackInfo images = kept ? detail::image_by_image(info, kept_contents) : info;
   const detail::ArchiveContents kept_images = detail::image_by_image(kept_contents);
@@ -382,8 +385,13 @@ void StackWriter::Impl::write_coded(const StackInfo& info, const GreyImage& prev
     store.get(coded.pieces[piece], out);
   };
   if (coded.rounded_pixels > 0) {
-    context.tell(fmt::format("{}: holds {} grey levels: {} pixels are rounded to the nearest",
-                             file.path, detail::levels_of(codec->shown()), coded.rounded_pixels));
+    const int levels = detail::levels_of(codec->shown());
+    context.tell(fmt::format("{}: holds {} grey levels: {} pixels are rounded to the nearest{}",
+                             file.path, levels, coded.rounded_pixels,
+                             levels > 2
+                                 ? ""
+                                 : "; no correction can be written into it, since it has no grey: "
+                                   "take a template that the slicer exported with anti-aliasing"));
   }
   std::vector<std::string> warnings;
   // What stands for a layer is its last image that is no spot.

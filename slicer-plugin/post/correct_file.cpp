@@ -13,8 +13,10 @@
 
 #include "post/beside.hpp"
 #include "post/files.hpp"
+#include "programs/common/database_band.hpp"
 #include "programs/common/program.hpp"
 #include "programs/common/setup_options.hpp"
+#include "slicecorr/even_greys.hpp"
 #include "slicecorr/print_file.hpp"
 #include "slicecorr/report.hpp"
 #include "support/files/sha256.hpp"
@@ -260,16 +262,19 @@ PostOutcome correct_file(const std::string& path, const PostRequest& request,
     const std::string backup = backup_of(real, request);
     if (keep) check_backup(real, backup, decision.settings.backup);
     cli::tell_notices(decision.setup, &decision.info, context);
+    cli::tell_doubted_grey(decision.settings.setup.printer, decision.setup, context);
+    cli::tell_database_band(decision.settings.setup.resin, context, decision.setup.process.assumed);
 
     const WorkFolder work(folder);
     note_work(work, real);
     const std::string made = work.path() + "/" + fs::path(real).filename().string();
     const StackReader slices(source, work.path(), context, decision.missing);
+    tell_even_greys(slices, decision.info.kind, context);
     const LeftAloneFiles supported(slices, {}, {}, decision.setup.printer, work.path(), context,
                                    request.parts);
     const SliceSource& target = *supported;
     StackFile file(made);
-    file.format = decision.info.format;
+    file.format = outcome.format = decision.info.format;
     file.keep_from = source;
     file.original_sha256 = cli::sha256_of_contents(source);
     outcome.setup = decision.setup;

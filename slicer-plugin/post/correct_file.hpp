@@ -24,6 +24,7 @@ struct PostOutcome {
   std::string rule;
   Setup setup;
   Correction correction;
+  std::string format;                ///< of the file
   std::vector<std::string> written;  ///< backup and reports
   /// What an earlier run wrote beside the file, of what it was then; taken away.
   std::vector<std::string> removed;

@@ -9,6 +9,7 @@
 #include <cstdlib>
 
 #include "post/profiles.hpp"
+#include "programs/common/database_band.hpp"
 #include "slicecorr/load_display.hpp"
 
 namespace slicecorr::post {
@@ -89,7 +90,7 @@ class Deciding {
     if (decision_.settings.leave_alone) return std::move(decision_);
     find_definitions();
     cli::SetupOptions& setup = decision_.settings.setup;
-    if (setup.mode.empty()) setup.mode = setup.speed_mm_h > 0 ? "continuous" : "layerwise";
+    if (setup.mode.empty() && !(setup.speed_mm_h > 0)) setup.mode = "layerwise";
     decision_.setup = setup.resolve(nullptr, &decision_.info);
     find_facts();
     find_exposure();
@@ -146,7 +147,7 @@ class Deciding {
     const cli::SetupOptions& s = decision_.settings.setup;
     const bool given =
         s.exposure_s > 0 || s.bottom_exposure_s > 0 || s.bottom_layers >= 0 || s.fade_layers >= 0;
-    if (s.mode == "continuous") {
+    if (decision_.setup.process.mode == ExposureMode::continuous) {
       decision_.exposure_from = source_of("speed-mm-h");
     } else if (!given) {
       decision_.exposure_from = "the archive's times";
@@ -212,6 +213,8 @@ std::string describe(const Decision& d) {
   for (const std::string& notice : setup_notices(d.setup, &d.info, ChoiceNames::options)) {
     text += fmt::format("note      {}\n", notice);
   }
+  const std::string band = cli::database_band(d.settings.setup.resin, d.setup.process.assumed);
+  if (!band.empty()) text += fmt::format("note      {}\n", band);
   return text;
 }
 

@@ -11,6 +11,7 @@
 #include <nlohmann/json.hpp>
 
 #include "programs/common/program.hpp"
+#include "slicecorr/print_file.hpp"
 #include "support/json/members.hpp"
 #include "support/json/read_json.hpp"
 #include "support/text/display_text.hpp"
@@ -53,6 +54,8 @@ Done correct_and_tell(const std::string& path, const PostRequest& request,
         // A text is written anew where it is asked for.
         if (!path.ends_with(".txt")) gone += "; taken away: " + path;
       }
+      const std::string lifts = holds_without_lifts(outcome.format, outcome.setup.process);
+      if (!lifts.empty()) remarks += "; " + lifts.substr(0, lifts.size() - 1);
       const Correction& c = outcome.correction;
       const auto mean = [](const Prediction& p) {
         return p.height_error_um.count() ? fmt::format("{:.3g}", p.height_error_um.mean()) : "-";

@@ -20,6 +20,7 @@
 #include <set>
 
 #include "post/files.hpp"
+#include "programs/common/program.hpp"
 #include "support/files/errno_message.hpp"
 #include "support/text/ascii.hpp"
 #include "watch/commands.hpp"
@@ -298,7 +299,7 @@ class Watcher {
     }
     if (done.kind == Kind::killed) {
       // Met again, after a restart too, it would do the same again.
-      ++result_.failed;
+      failed(done.code);
       const std::string kept = set_aside(done.path);
       if (kept.empty()) settled_[done.path] = c.seen;
       const std::string why = done.message + (kept.empty() ? "; it can't be set aside"
@@ -311,7 +312,7 @@ class Watcher {
     if (done.kind == Kind::left_alone) {
       log_.add({"left-alone", done.path, done.message, -1, 0});
     } else if (done.kind != Kind::already) {
-      ++result_.failed;
+      failed(done.code);
       // The line names the file already.
       const std::string prefix = done.path + ": ";
       const std::string why =
@@ -319,6 +320,12 @@ class Watcher {
       log_.add({"failed", done.path, why, done.seconds, done.code, true});
       tell(options_.on_fail, "Slices not corrected", done.path, why);
     }
+  }
+
+  void failed(int code) {
+    const bool alike = result_.failed == 0 || code == result_.code;
+    result_.code = alike ? code : cli::kInput;
+    ++result_.failed;
   }
 
   /// A moment, so that one that fails is told: other programs may run for long.

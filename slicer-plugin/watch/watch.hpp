@@ -30,6 +30,7 @@ struct WatchOptions {
 
 struct WatchResult {
   int corrected = 0, failed = 0;
+  int code = 0;  ///< exit code of all that failed, where they have one; else 2; 0: none failed
 };
 
 /// Watches until `context.cancel` is set and a signal comes, then throws `Cancelled`; with `once`

@@ -13,6 +13,7 @@
 #include <utility>
 #include <vector>
 
+#include "slicecorr/settings.hpp"
 #include "slicecorr/stack.hpp"
 
 namespace slicecorr {
@@ -29,6 +30,16 @@ FormatLimits limits_of_format(const std::string& name);
 /// none (`keep_from`), or of one that has no place for `uneven` heights of layers.
 void check_can_be_made(const StackFile& file, bool uneven);
 
+/// Whether printers that read files of `format` lift after each layer, whatever their files say: those of
+/// print files. False for a format that is not known.
+bool printers_always_lift(const std::string& format);
+/// Throws `InputError` where `process` is continuous and `file` is such a file, unless somebody said that it is
+/// (`said`). Names are of `names`.
+void check_lifts(const StackFile& file, const Process& process, bool said, ChoiceNames names);
+/// That what is told of a continuous print holds only where nothing lifts, as a sentence: where the printers
+/// that read files of `format` do, always or as a rule. Empty elsewhere.
+std::string holds_without_lifts(const std::string& format, const Process& process);
+
 /// What else a print file says, for people: name and value. Empty for other archives.
 std::vector<std::pair<std::string, std::string>> print_file_facts(const std::string& path);
 
@@ -42,6 +53,10 @@ std::string record_beside(const std::string& path);
 /// Gives a file another name on the same file system, with the record beside it where there is one;
 /// one that lay beside the old file of that name goes.
 void rename_with_record(const std::string& from, const std::string& to);
+
+/// That a printer is said to show no grey (`[display] grey` of its file, a name or a path), as a sentence; empty
+/// where its file does not say so. Throws `InputError` as `load_display`.
+std::string doubted_grey_in_words(const std::string& printer);
 
 /// The endings of the files that a printer says it reads (`reads` of its file, a name or a path), with
 /// their points; empty where it does not say. Throws `InputError` as `load_display`.

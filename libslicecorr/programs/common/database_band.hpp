@@ -17,13 +17,15 @@ namespace slicecorr::cli {
 inline constexpr double kDatabaseHeightSd = 0.5, kDatabaseDoseSd = 1.1;
 
 /// A sentence where a name leads to a resin of the installed database; empty where it leads to a file of the
-/// user's own, or is a path.
-std::string database_band(const std::string& resin);
+/// user's own, or is a path. Where light is `assumed` the dose is the exposure's, and no matter of the database.
+std::string database_band(const std::string& resin, AssumedLight assumed = AssumedLight::none);
 /// The same of what a stack was made with: where its resin has name and numbers of one of the installed
 /// database.
-std::string database_band(const Resin& resin);
+std::string database_band(const Resin& resin, AssumedLight assumed = AssumedLight::none);
 /// Tells it, where there is something to tell.
-void tell_database_band(const std::string& resin, const ExecutionContext& context);
-void tell_database_band(const Resin& resin, const ExecutionContext& context);
+void tell_database_band(const std::string& resin, const ExecutionContext& context,
+                        AssumedLight assumed = AssumedLight::none);
+void tell_database_band(const Resin& resin, const ExecutionContext& context,
+                        AssumedLight assumed = AssumedLight::none);
 
 }  // namespace slicecorr::cli

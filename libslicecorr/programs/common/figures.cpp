@@ -10,6 +10,7 @@
 #include <nlohmann/json.hpp>
 
 #include "slicecorr/bodies.hpp"
+#include "slicecorr/print_file.hpp"
 #include "slicecorr/uncertain_print.hpp"
 #include "slicecorr/verdict.hpp"
 #include "support/json/read_json.hpp"
@@ -207,6 +208,11 @@ std::string flow_table(const Prediction& p) {
 }
 
 }  // namespace
+
+std::string lifts_line(const std::string& format, const Process& process) {
+  const std::string words = holds_without_lifts(format, process);
+  return words.empty() ? words : words + "\n";
+}
 
 std::string figures_json(const Prediction& p) {
   auto json = slicecorr::detail::own_json<nlohmann::ordered_json>(p.to_json());

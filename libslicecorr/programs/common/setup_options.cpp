@@ -17,6 +17,7 @@
 #include "slicecorr/machine_light.hpp"
 #include "slicecorr/machine_motion.hpp"
 #include "slicecorr/mesh.hpp"
+#include "slicecorr/print_file.hpp"
 #include "slicecorr/same_light.hpp"
 #include "slicecorr/units.hpp"
 #include "support/text/csv.hpp"
@@ -301,6 +302,12 @@ void tell_unread(const UnreadWords& unread, const ExecutionContext& context) {
 void tell_notices(const Setup& setup, const StackInfo* times, const ExecutionContext& context) {
   for (const std::string& text : setup_notices(setup, times, ChoiceNames::options))
     context.tell(text);
+}
+
+void tell_doubted_grey(const std::string& printer, const Setup& setup,
+                       const ExecutionContext& context) {
+  if (setup.process.assumed == AssumedLight::none) return;
+  if (const std::string text = doubted_grey_in_words(printer); !text.empty()) context.tell(text);
 }
 
 std::string refused_by_machine(const Setup& setup, const std::string& printer, const Grid& grid,

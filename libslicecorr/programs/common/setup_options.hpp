@@ -85,6 +85,9 @@ auto with_dose_words(const Setup& setup, const Work& work) {
 void tell_unread(const UnreadWords& unread, const ExecutionContext& context);
 /// Tells what the user should know of a setup; `times` as for `resolve_setup`.
 void tell_notices(const Setup& setup, const StackInfo* times, const ExecutionContext& context);
+/// Where its light is assumed: that `printer`, a name or a path, is said to show no grey.
+void tell_doubted_grey(const std::string& printer, const Setup& setup,
+                       const ExecutionContext& context);
 
 /// Why printbridge would refuse to print `setup` in slices of `grid` on the machine of `printer`, a name or
 /// file; empty where it would not, or the file drives no machine.

@@ -11,6 +11,7 @@
 #include "programs/common/make_part.hpp"
 #include "programs/common/part_slices.hpp"
 #include "slicecorr/bodies.hpp"
+#include "slicecorr/even_greys.hpp"
 #include "slicecorr/print_file.hpp"
 #include "slicecorr/supports.hpp"
 #include "slicecorr/turned.hpp"
@@ -119,14 +120,17 @@ int correct(const Arguments& a, const ExecutionContext& context, Console& consol
   file.format = format_of(file, times.format);
   const Setup setup = a.uncertain.put(a.setup.resolve(nullptr, &times), a.setup);
   tell_notices(setup, &times, context);
-  tell_database_band(a.setup.resin, context);
+  tell_database_band(a.setup.resin, context, setup.process.assumed);
+  tell_doubted_grey(a.setup.printer, setup, context);
   // What a slicer wrote besides the slices stays, also where the file was made from a template.
   if (times.format == file.format && keeps_settings(a.input, times)) {
     file.keep_from = a.input;
   }
   check_can_be_made(file, !times.layer_heights_um.empty());
+  check_lifts(file, setup.process, a.setup.mode == "continuous", ChoiceNames::options);
   tell_not_read(a, file, context);
   const StackReader target = a.open(a.input, folder_of(a.output), context);
+  tell_even_greys(target, times.kind, context);
   const FittedSlices fitted = fit_for_output(target, file, setup.printer, context);
   tell_machine(setup, a.setup.printer, (*fitted).grid(), context);
   const LeftAloneFiles part(*fitted, a.leave_alone, {}, setup.printer, folder_of(a.output), context,
@@ -138,7 +142,8 @@ int correct(const Arguments& a, const ExecutionContext& context, Console& consol
     if (!a.json.empty()) print_or_write(a.json, figures_json(c.after));
     if (a.json == "-") return;
     console.say(fmt::format("{}: {} slices, print time {}\n{}{}", a.output, c.info.grid.layers,
-                            print_time_in_words(print_time(c.info)), summary(c.after, c.before),
+                            print_time_in_words(print_time(c.info)),
+                            summary(c.after, c.before) + lifts_line(file.format, setup.process),
                             more));
   };
   if (a.oxygen.even) {
@@ -163,8 +168,10 @@ int run(const Arguments& given, const ExecutionContext& context, Console& consol
   chosen.layer_heights_um = wanted_heights(a).um();
   chosen.layer_um = a.mesh.layer_um;
   const Setup setup = a.uncertain.put(chosen.resolve(nullptr, nullptr), chosen);
+  check_lifts(a.file(), setup.process, chosen.mode == "continuous", ChoiceNames::options);
   tell_notices(setup, nullptr, context);
-  tell_database_band(chosen.resin, context);
+  tell_database_band(chosen.resin, context, setup.process.assumed);
+  tell_doubted_grey(chosen.printer, setup, context);
   tell_not_read(a, a.file(), context);
   return each_plate(a, setup.printer, context,
                     [&](const Arguments& one) { return run_plate(one, setup, context, console); });
@@ -217,9 +224,10 @@ int run_plate(const Arguments& a, const Setup& setup, const ExecutionContext& co
   });
   // The verdict comes last.
   leave_target(*slices, a, design_path, context, console);
-  console.say(fmt::format("{3}, {0}.html, {0}.json: {1} slices, print time {4}\n{2}", base,
-                          result.info.grid.layers, summary(result.after, result.before), a.output,
-                          print_time_in_words(print_time(result.info))));
+  console.say(fmt::format(
+      "{3}, {0}.html, {0}.json: {1} slices, print time {4}\n{2}", base, result.info.grid.layers,
+      summary(result.after, result.before) + lifts_line(format_of(a.file()), setup.process),
+      a.output, print_time_in_words(print_time(result.info))));
   return kDone;
 }
 

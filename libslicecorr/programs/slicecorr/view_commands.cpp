@@ -9,6 +9,7 @@
 #include "commands.hpp"
 #include "programs/common/database_band.hpp"
 #include "programs/common/make_part.hpp"
+#include "slicecorr/assumed_light.hpp"
 #include "slicecorr/bodies.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/first_slices.hpp"
@@ -39,6 +40,14 @@ Arguments with_target(Arguments a) {
   if (!fs::exists(a.input)) return a;
   a.target = left;
   if (fs::exists(left)) return a;
+  if (const std::string kept = a.input + ".orig"; fs::exists(kept)) {
+    throw InputError(
+        a.input, "",
+        fmt::format(
+            "is measured against the design, and {} is not there; {} lies beside the stack, the "
+            "slicer's file that `slicecorr-post` kept: expected --target {}",
+            left, kept, kept));
+  }
   throw InputError(
       a.input, "",
       fmt::format(
@@ -65,7 +74,11 @@ struct StackAndDesign {
          definition_notices(setup.printer, setup.resin, setup.process.uv.kind != UvKind::off)) {
       context.tell(text);
     }
-    tell_database_band(setup.resin, context);
+    const AssumedLight assumed = setup.process.assumed;
+    if (assumed != AssumedLight::none) {
+      context.tell(assumption_in_words(setup.printer, setup.resin, setup.process));
+    }
+    tell_database_band(setup.resin, context, assumed);
     const bool all = a.leave_alone.empty() && a.inside.empty();
     check_target(stack, stack.info(), *target, a.target,
                  all ? std::optional(read.pixel_sum()) : std::nullopt, context);
@@ -190,7 +203,8 @@ int verify(const Arguments& asked, const ExecutionContext& context, Console& con
   }
   a.uncertain.write_map(p, console);
   if (a.json.empty()) {
-    print_result(summary(p, std::nullopt));
+    print_result(summary(p, std::nullopt) +
+                 lifts_line(given.stack.info().format, given.setup.process));
   } else {
     auto figures = slicecorr::detail::own_json<nlohmann::ordered_json>(figures_json(p));
     if (first) {
@@ -272,7 +286,8 @@ int report(const Arguments& asked, const ExecutionContext& context, Console& con
   write_text_file(a.output, make_report(gather_report(given.shown(), target, given.setup, info,
                                                       after, before, title_of(a.input), context),
                                         context));
-  console.say(fmt::format("{}: written\n{}", a.output, summary(after, before)));
+  console.say(fmt::format("{}: written\n{}", a.output,
+                          summary(after, before) + lifts_line(info.format, given.setup.process)));
   return kDone;
 }
 
@@ -386,7 +401,7 @@ int compare(const Arguments& a, const ExecutionContext& context, Console& consol
   chosen.layer_um = a.mesh.layer_um;
   Setup setup = chosen.resolve(nullptr, nullptr);
   tell_notices(setup, nullptr, context);
-  tell_database_band(chosen.resin, context);
+  tell_database_band(chosen.resin, context, setup.process.assumed);
   MeshOptions mesh = a.mesh;
   mesh.shrinkage = setup.resin.shrinkage;
   const MeshSlices target = slice_parts(mesh, setup.printer, setup.process.surface, context);

@@ -99,6 +99,10 @@ struct ArchiveRequest {
   const CodedLayers* layers = nullptr;           ///< of a format that codes layers itself
 };
 
+/// Whether printers lift after each layer, whatever a file of the format says: where one maker's boards read
+/// it, surely; as a rule where machines of people's own read it, too.
+enum class PrintersLift { not_known, as_a_rule, always };
+
 /// Stateless and thread-safe.
 class ArchiveFormat {
  public:
@@ -110,6 +114,9 @@ class ArchiveFormat {
   virtual ContainerKind container() const { return ContainerKind::zip; }
   /// Whether layers have a code of the format's own: no PNG images.
   virtual bool codes_layers() const { return container() == ContainerKind::binary; }
+  virtual PrintersLift printers_lift() const {
+    return codes_layers() ? PrintersLift::always : PrintersLift::not_known;
+  }
   /// Whether images of new archives are RGB-packed.
   virtual bool packs_rgb() const { return false; }
   virtual bool packs_bgr() const { return false; }  ///< see ArchiveContents

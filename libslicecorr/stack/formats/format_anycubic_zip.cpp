@@ -489,7 +489,7 @@ class AnycubicZip final : public ArchiveFormat {
           fmt::format("would have {} layers, expected at most {}", layers, kMostZipLayers));
     }
     if (r.exposure_changes) {
-      warn_of_mode(r, "Anycubic");
+      warn_of_mode(r, "Anycubic", printers_lift());
       change_settings(r, output);
     }
     change_layer_list(r, output);

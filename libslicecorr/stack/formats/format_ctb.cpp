@@ -295,7 +295,8 @@ class Ctb final : public ArchiveFormat {
     return read_family(binary_file(archive), family_);
   }
   std::vector<std::string> write(const ArchiveRequest& r, ContainerOutput& output) const override {
-    if (r.kept == nullptr || r.exposure_changes) warn_of_mode(r, words_of(family_).shown);
+    if (r.kept == nullptr || r.exposure_changes)
+      warn_of_mode(r, words_of(family_).shown, printers_lift());
     if (r.kept != nullptr) {
       change_ctb(r, family_, binary_output(output));
     } else {

@@ -324,7 +324,7 @@ class Cxdlp final : public ArchiveFormat {
   }
 
   std::vector<std::string> write(const ArchiveRequest& r, ContainerOutput& output) const override {
-    if (r.exposure_changes) warn_of_mode(r, "CXDLP");
+    if (r.exposure_changes) warn_of_mode(r, "CXDLP", printers_lift());
     change_cxdlp(r, binary_output(output));
     return {};
   }

@@ -460,7 +460,7 @@ class Goo final : public ArchiveFormat {
   }
 
   std::vector<std::string> write(const ArchiveRequest& r, ContainerOutput& output) const override {
-    if (r.kept == nullptr || r.exposure_changes) warn_of_mode(r, "GOO");
+    if (r.kept == nullptr || r.exposure_changes) warn_of_mode(r, "GOO", printers_lift());
     if (r.kept != nullptr) {
       change_goo(r, binary_output(output));
     } else {

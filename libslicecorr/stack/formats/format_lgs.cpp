@@ -188,7 +188,7 @@ class Lgs final : public ArchiveFormat {
   }
 
   std::vector<std::string> write(const ArchiveRequest& r, ContainerOutput& output) const override {
-    if (r.exposure_changes) warn_of_mode(r, "LGS");
+    if (r.exposure_changes) warn_of_mode(r, "LGS", printers_lift());
     change_lgs(r, binary_output(output));
     return {};
   }

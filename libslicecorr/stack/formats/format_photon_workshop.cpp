@@ -459,7 +459,7 @@ class PhotonWorkshop final : public ArchiveFormat {
   }
 
   std::vector<std::string> write(const ArchiveRequest& r, ContainerOutput& output) const override {
-    if (r.exposure_changes) warn_of_mode(r, "Photon Workshop");
+    if (r.exposure_changes) warn_of_mode(r, "Photon Workshop", printers_lift());
     change_workshop(r, binary_output(output));
     return {};
   }

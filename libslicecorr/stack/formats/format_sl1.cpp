@@ -253,6 +253,8 @@ class Sl1 final : public ArchiveFormat {
   std::string_view what() const override { return "Prusa SL1 and SL1S, as PrusaSlicer exports it"; }
   std::vector<std::string_view> endings() const override { return {".sl1", ".sl1s", ".m1"}; }
   bool recognises(const Container& archive) const override { return archive.has(kSl1Config); }
+  // People build machines of their own that read it.
+  PrintersLift printers_lift() const override { return PrintersLift::as_a_rule; }
 
   ArchiveContents read(const Container& archive) const override {
     const std::string& path = archive.path();
@@ -317,6 +319,7 @@ class Sl1 final : public ArchiveFormat {
   std::vector<std::string> write(const ArchiveRequest& r, ContainerOutput& output) const override {
     std::vector<std::string> names;
     std::string prefix = r.stem;
+    if (!lifts(r.info)) warn_of_mode(r, "SL1", printers_lift());
     if (r.kept != nullptr) {
       change_sl1(r, output);
       names = r.kept_contents->images;

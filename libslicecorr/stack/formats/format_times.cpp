@@ -295,12 +295,15 @@ bool lifts(const StackInfo& info) {
   return !(info.process && info.process->mode == ExposureMode::continuous);
 }
 
-void warn_of_mode(const ArchiveRequest& request, std::string_view format) {
+void warn_of_mode(const ArchiveRequest& request, std::string_view format, PrintersLift lift) {
   const StackInfo& info = request.info;
   if (!lifts(info)) {
-    warn(request, fmt::format("{} archives can't say that the platform moves while slices are "
-                              "shown: each slice is shown for {:g} s, and nothing is lifted",
-                              format, exposure_summary(info).normal_s));
+    warn(request,
+         fmt::format("{} archives can't say that the platform moves while slices are "
+                     "shown: each slice is shown for {:g} s, and {}",
+                     format, exposure_summary(info).normal_s,
+                     lift == PrintersLift::not_known ? "nothing is lifted"
+                                                     : "printers that read them lift after each"));
   } else if (exposure_summary(info).normal_s == 0) {
     warn(request,
          "the stack says no exposure times: 0 s is written, which must be set before printing");

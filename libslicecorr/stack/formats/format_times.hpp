@@ -103,7 +103,8 @@ std::vector<std::string> continued_names(const ArchiveRequest& request, std::str
 void warn(const ArchiveRequest& request, std::string text);
 /// Tells of prints that move while they cure, which these formats have no word for, and of stacks
 /// that say no exposure.
-void warn_of_mode(const ArchiveRequest& request, std::string_view format);
+void warn_of_mode(const ArchiveRequest& request, std::string_view format,
+                  PrintersLift lift = PrintersLift::not_known);
 
 /// Whether the platform is lifted between the layers of the stack.
 bool lifts(const StackInfo& info);

@@ -54,6 +54,7 @@ constexpr std::array kPrinterKeys = std::to_array<KeyRule>({
      .what = "all 2^bit_depth levels exist; 8 without it"},
     {.table = "display",
      .key = "grey",
+     .type = choice,
      .choices = "shown|said to be none",
      .what = "whether anybody saw greys on it; nothing is known without it"},
     {.table = "display",

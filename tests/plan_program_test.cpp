@@ -104,6 +104,16 @@ TEST_F(PlanProgram, WhatCantBeHadIsRefused) {
   bad(2, Command{"plan", "out.uvj"} + kProcess, {"out.uvj", "corrected"});
 }
 
+TEST_F(PlanProgram, WhereNoGapIsPlannedForNothingIsSaidToBeKept) {
+  const std::string with = good(kPlan).out;
+  EXPECT_THAT(with, HasSubstr("with edges within 25 um"));
+  EXPECT_THAT(with, Not(HasSubstr("judged")));
+  const std::string without = good(kPlan + Command{"--least-gap-um", "5000"}).out;
+  EXPECT_THAT(without, HasSubstr("that prints; no edge at a gap was judged"));
+  EXPECT_THAT(without, Not(HasSubstr("keeps all")));
+  EXPECT_THAT(without, Not(HasSubstr("edges within")));
+}
+
 TEST_F(PlanProgram, SlicesThatPullGoSlower) {
   // A foot of 1 mm below a plate of 4 mm.
   TriangleMesh mesh;

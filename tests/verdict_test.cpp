@@ -82,6 +82,86 @@ TEST(PrintVerdictTest, FromOneInAHundredItIsAnotherPart) {
   expect(Prediction(), Outcome::look, "Nothing is designed: no voxel is covered whole.");
 }
 
+TEST(PrintVerdictTest, EdgesOffByMoreThanALayerMakeAnotherPart) {
+  Prediction p = perfect();  // one edge is right
+  for (int i = 0; i < 998; ++i) p.height_error_um.add(0.25);
+  // No more than a layer is what rounding a design can do.
+  p.height_error_um.add(50);
+  EXPECT_EQ(verdict_of(p).outcome, Outcome::as_designed);
+  for (int i = 0; i < 9; ++i) p.height_error_um.add(51);
+  expect(p, Outcome::look,
+         "Prints as designed but for what to look at: 9 edges are off by more than a layer. The "
+         "worst edge is 51 um off, in pixel 3, 4.");
+  p.height_error_um.add(51);
+  p.height_error_um.add(51);
+  expect(p, Outcome::fails,
+         "Does not print as designed: 1.1 % of the edges are off by more than a layer. The worst "
+         "edge is 51 um off, in pixel 3, 4.");
+  // Where layers differ, the highest one counts.
+  p.heights = LayerHeights({50, 60});
+  EXPECT_EQ(verdict_of(p).outcome, Outcome::look);
+  // By the design's own surface where that is known.
+  p.heights = {};
+  p.surface_error_um.add(1);
+  EXPECT_EQ(verdict_of(p).outcome, Outcome::look);
+  p.surface_error_um.add(51);
+  EXPECT_EQ(verdict_of(p).outcome, Outcome::fails);
+}
+
+TEST(PrintVerdictTest, EdgesOffByAVoxelAreNotAsDesigned) {
+  Prediction p = perfect();
+  for (int i = 0; i < 98; ++i) p.height_error_um.add(25);
+  EXPECT_EQ(verdict_of(p).outcome, Outcome::as_designed) << "half a layer is rounding";
+  p.height_error_um.add(43.9);
+  p.cure_through_voxels = 404;
+  expect(
+      p, Outcome::look,
+      "Prints with edges that are off: 1 % of them by more than half a layer (25 um); 404 voxels "
+      "gel in gaps. The worst edge is 43.9 um off, in pixel 3, 4.");
+  p.cure_through_voxels = 0;
+  EXPECT_EQ(verdict_of(p).outcome, Outcome::look);
+}
+
+TEST(PrintVerdictTest, OutlinesOffByMoreThanAPixel) {
+  Prediction p = perfect();
+  p.pixel_x_um = 40;
+  p.pixel_y_um = 30;
+  for (int i = 0; i < 199; ++i) p.plane_error_um.add(40);
+  p.plane_error_um.add(40.9);
+  EXPECT_THAT(verdict_of(p).words, HasSubstr("1 outline is off by more than a pixel"));
+  p.plane_error_um.add(41);
+  p.plane_error_um.add(41);
+  EXPECT_EQ(verdict_of(p).outcome, Outcome::fails);
+  EXPECT_THAT(verdict_of(p).words, HasSubstr("1.5 % of the outlines are off by more than a pixel"));
+}
+
+TEST(PrintVerdictTest, GapsThatHardlyStayOpenAreTold) {
+  Prediction p = perfect();
+  for (int i = 0; i < 990; ++i) p.gap_contrast.add(0.051);
+  for (int i = 0; i < 9; ++i) p.gap_contrast.add(0.0055);
+  EXPECT_EQ(narrow_gaps(p), 9);
+  EXPECT_EQ(verdict_of(p).outcome, Outcome::as_designed);
+  p.gap_contrast.add(0.0055);
+  expect(p, Outcome::look,
+         "Prints as designed but for what to look at: 10 of 1,000 gaps by column are hardly darker "
+         "than what gels (a contrast below 0.05).");
+  // Gaps that close have none, and are told as closed.
+  p.merged_features = 3;
+  EXPECT_EQ(narrow_gaps(p), 7);
+}
+
+TEST(PrintVerdictTest, ACorrectionThatMakesThePartWorseIsSaid) {
+  Prediction before = perfect(), after = perfect();
+  EXPECT_EQ(worse_than_none(after, before), "");
+  after.height_error_um.add(4);  // 2.125 um on average
+  EXPECT_EQ(worse_than_none(after, before),
+            "The correction makes this part worse: on average edges are 2.12 um off, and 0.25 um "
+            "without it.");
+  EXPECT_EQ(worse_than_none(before, after), "");
+  before.undercure_voxels = 1;  // worth it
+  EXPECT_EQ(worse_than_none(after, before), "");
+}
+
 TEST(PrintVerdictTest, WhatFallsComesFirst) {
   Bodies b;
   b.islands = {{.first = 3, .begins = 4, .until = 7, .voxels = 2000},

@@ -48,7 +48,7 @@ void refuse_plan(const PlanAsk& ask, const std::optional<PlanLight>& light,
   if (!ranges.empty() && bound.most_mm_h < ranges.front().least_mm_h) {
     throw InfeasibleError(fmt::format(
         "{}: edges and gaps keep what is asked for from {} mm/h on, and {}; expected less light "
-        "(the lamp free), a smaller contrast or a greater tolerance",
+        "(the lamp free), a smaller contrast (gap_contrast) or a greater tolerance (tolerance_um)",
         text, at_least(ranges.front().least_mm_h), bound.words));
   }
   // What is lost counts most, then edges, then how dark gaps are.
@@ -75,7 +75,9 @@ void refuse_plan(const PlanAsk& ask, const std::optional<PlanLight>& light,
     } else if (std::isfinite(um) && um > ask.tolerance_um) {
       text += fmt::format("; expected a tolerance of at least {} um", at_least(um, 4));
     } else {
-      text += "; expected a smaller contrast, a greater tolerance or low gaps to be left out";
+      text +=
+          "; expected a smaller contrast (gap_contrast), a greater tolerance (tolerance_um) or "
+          "low gaps to be left out (least_gap_um)";
     }
   } else if (std::isfinite(bound.most_mm_h)) {
     text += fmt::format(": {}", bound.words);

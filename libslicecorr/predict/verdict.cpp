@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <limits>
 #include <vector>
 
 #include "slicecorr/bodies.hpp"
@@ -24,6 +25,27 @@ std::string with_noun(std::uint64_t n, const char* one, const char* more) {
 
 double share(std::uint64_t part, std::uint64_t whole) {
   return whole == 0 ? 0 : static_cast<double>(part) / static_cast<double>(whole);
+}
+
+/// The width of a bin of a `Histogram`: what lies that near a bound counts as within it.
+constexpr double kBin = 1.001;
+
+/// Samples above `um`.
+std::uint64_t beyond(const Histogram& h, double um) {
+  if (h.count() == 0 || !(um > 0) || h.greatest() <= um * kBin) return 0;
+  return h.coarse({0, um * kBin, std::numeric_limits<double>::infinity()})[1];
+}
+
+/// Height of the highest layer, um.
+double layer_um(const Prediction& p) {
+  const std::vector<double>& um = p.heights.um();
+  return um.empty() ? p.layer_um : *std::max_element(um.begin(), um.end());
+}
+
+std::uint64_t edges_off(const Prediction& p) { return beyond(p.design_error_um(), layer_um(p)); }
+
+std::uint64_t outlines_off(const Prediction& p) {
+  return beyond(p.plane_error_um, std::max(p.pixel_x_um, p.pixel_y_um));
 }
 
 /// To so many digits, and never as a power of ten of something large.
@@ -91,7 +113,11 @@ std::string another_part(const Prediction& p) {
       {share(p.merged_features, p.gaps), "{} of the gaps by column close"},
       {share(p.lost_features, p.runs), "{} of the features by column are lost"},
       {share(p.cure_through_voxels, p.target_voxels), "what gels in gaps is {} of the part"},
-      {share(p.undercure_voxels, p.target_voxels), "{} of its voxels stay liquid"}};
+      {share(p.undercure_voxels, p.target_voxels), "{} of its voxels stay liquid"},
+      {share(edges_off(p), p.design_error_um().count()),
+       "{} of the edges are off by more than a layer"},
+      {share(outlines_off(p), p.plane_error_um.count()),
+       "{} of the outlines are off by more than a pixel"}};
   std::stable_sort(all.begin(), all.end(),
                    [](const Found& a, const Found& b) { return a.share > b.share; });
   if (all.front().share < kAnotherPart) return {};
@@ -100,6 +126,16 @@ std::string another_part(const Prediction& p) {
     words += (i > 0 ? ", " : "") + fmt::format(fmt::runtime(all[i].words), percent(all[i].share));
   }
   return words + ".";
+}
+
+/// How a print begins that is no other part: edges that are off by more than half a layer have a wrong
+/// voxel each, which no rounding of slices explains.
+std::string edges_by_voxels(const Prediction& p) {
+  const double half_um = layer_um(p) / 2;
+  const double off = share(beyond(p.height_error_um, half_um), p.height_error_um.count());
+  if (off < kAnotherPart) return {};
+  return fmt::format("Prints with edges that are off: {} of them by more than half a layer ({} um)",
+                     percent(off), to_digits(half_um, 3));
 }
 
 /// Single places that are otherwise than designed.
@@ -116,6 +152,12 @@ std::vector<std::string> to_look_at(const Prediction& p) {
       fmt::format("{} of {} gaps by column close", counted(p.merged_features), counted(p.gaps)));
   add(p.lost_features, fmt::format("{} of {} features by column are lost", counted(p.lost_features),
                                    counted(p.runs)));
+  const std::uint64_t narrow = narrow_gaps(p);
+  if (share(narrow, p.gaps) >= kAnotherPart) {
+    add(narrow, fmt::format("{} of {} gaps by column are hardly darker than what gels (a contrast "
+                            "below {:g})",
+                            counted(narrow), counted(p.gaps), kLeastGapContrast));
+  }
   if (p.joints) {
     add(p.joints->not_holding_voxels,
         fmt::format("{} loose when the platform lifts",
@@ -138,10 +180,32 @@ std::vector<std::string> to_look_at(const Prediction& p) {
     add(b.sealed_in_all,
         fmt::format("{} resin", with_noun(b.sealed_in_all, "cavity traps", "cavities trap")));
   }
+  const std::uint64_t edges = edges_off(p), outlines = outlines_off(p);
+  add(edges, fmt::format("{} off by more than a layer", with_noun(edges, "edge is", "edges are")));
+  add(outlines, fmt::format("{} off by more than a pixel",
+                            with_noun(outlines, "outline is", "outlines are")));
   return found;
 }
 
 }  // namespace
+
+std::uint64_t narrow_gaps(const Prediction& p) {
+  if (p.gap_contrast.count() == 0) return 0;
+  const std::uint64_t below = p.gap_contrast.coarse({0, kLeastGapContrast / kBin, 2})[0];
+  return below - std::min(below, p.merged_features);
+}
+
+std::string worse_than_none(const Prediction& after, const Prediction& before) {
+  const Histogram &with = after.design_error_um(), &without = before.design_error_um();
+  if (with.count() == 0 || without.count() == 0 || with.mean() - without.mean() < 1 ||
+      after.cure_through_voxels + after.undercure_voxels <
+          before.cure_through_voxels + before.undercure_voxels) {
+    return {};
+  }
+  return fmt::format(
+      "The correction makes this part worse: on average edges are {} um off, and {} um without it.",
+      to_digits(with.mean(), 3), to_digits(without.mean(), 3));
+}
 
 const char* name_of(Outcome outcome) {
   switch (outcome) {
@@ -167,7 +231,8 @@ PrintVerdict verdict_of(const Prediction& p) {
         (falls.empty() || another.empty() ? falls + another : falls + " " + another) + place(p)};
   }
   const std::vector<std::string> found = to_look_at(p);
-  if (found.empty()) {
+  const std::string off = edges_by_voxels(p);
+  if (found.empty() && off.empty()) {
     // Light for an even dead zone is that of a print that has gone on for a while.
     const char* const flows =
         p.flow ? " Whether it sticks before its flow is steady is not judged here: "
@@ -175,7 +240,8 @@ PrintVerdict verdict_of(const Prediction& p) {
                : "";
     return {Outcome::as_designed, "Prints as designed." + edges(p) + flows};
   }
-  std::string words = "Prints as designed but for what to look at: ";
+  std::string words = off.empty() ? "Prints as designed but for what to look at: "
+                                  : off + (found.empty() ? "" : "; ");
   // The gravest come first; the figures have all.
   constexpr std::size_t kMost = 3;
   for (std::size_t i = 0; i < std::min(found.size(), kMost); ++i) {

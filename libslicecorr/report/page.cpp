@@ -59,6 +59,10 @@ CureModel brightest_model(const ReportContent& c) {
 Markup verdict_section(const ReportContent& c, const std::vector<Markup>& figures) {
   const PrintVerdict verdict = verdict_of(c.after);
   Markup html = markup(R"(<p class="verdict {}">{}</p>)", name_of(verdict.outcome), verdict.words);
+  if (const std::string worse = c.before ? worse_than_none(c.after, *c.before) : std::string();
+      !worse.empty()) {
+    html += markup(R"(<p class="verdict fails">{}</p>)", worse);
+  }
   if (figures.empty()) return html;
   const std::size_t at = 4 * c.worst_section;
   return html + markup(R"(<div class="pair">{}{}</div><p class="dim">Section at {}.</p>)",

@@ -35,6 +35,7 @@
 #include "slicecorr/flow_suction.hpp"
 #include "slicecorr/machine_motion.hpp"
 #include "slicecorr/pipeline.hpp"
+#include "slicecorr/verdict.hpp"
 
 namespace slicecorr {
 
@@ -118,9 +119,9 @@ struct PlanFree {
 };
 
 struct PlanAsk {
-  double tolerance_um = 25;    ///< of every edge, > 0
-  double gap_contrast = 0.05;  ///< of every gap, 0..1
-  double light_error = 0.01;   ///< of the light, a share; 0: none
+  double tolerance_um = 25;                 ///< of every edge, > 0
+  double gap_contrast = kLeastGapContrast;  ///< of every gap, 0..1
+  double light_error = 0.01;                ///< of the light, a share; 0: none
   /// Gaps lower than this are told and left out; 0: those of one slice, which can't have both edges right.
   double least_gap_um = 0;
   PlanFree free;

@@ -112,6 +112,12 @@ std::string figures_table(const std::vector<Figures>& columns) {
   line("column gaps merged",
        [](const Prediction& p) { return fmt::format("{} of {}", p.merged_features, p.gaps); });
   line("one-slice gaps", [](const Prediction& p) { return fmt::format("{}", p.one_slice_gaps); });
+  line("least contrast of gaps", [](const Prediction& p) {
+    return p.gap_contrast.count() ? fmt::format("{:.4f}", p.gap_contrast.least())
+                                  : std::string("-");
+  });
+  line(fmt::format("open gaps of a contrast below {:g}", kLeastGapContrast),
+       [](const Prediction& p) { return fmt::format("{} of {}", narrow_gaps(p), p.gaps); });
   const auto bodies = [&](const char* name, std::uint64_t Bodies::*count, bool timed = false) {
     const bool any = std::any_of(columns.begin(), columns.end(), [&](const Figures& f) {
       return f.prediction->bodies && f.prediction->bodies->printed.*count > 0;
@@ -253,7 +259,9 @@ std::string summary(const Prediction& after, const std::optional<Prediction>& be
                                       "slice {}",
                                       zones->cured_pixels, zones->cured_slice));
   }
-  return text + verdict_of(after).words + "\n";
+  text += verdict_of(after).words + "\n";
+  const std::string worse = before ? worse_than_none(after, *before) : std::string();
+  return worse.empty() ? text : text + worse + "\n";
 }
 
 }  // namespace slicecorr::cli

@@ -33,12 +33,23 @@ std::string pace(const PlanPoint& p) {
                           : fmt::format("{:g} mm/h", p.speed_mm_h);
 }
 
+/// Whether an edge at a gap was judged: not where all gaps are left out. What is left then are ends of
+/// features with nothing behind them, which are right by themselves.
+bool edges_judged(const PlanPoint& p) { return p.contrast_at.x >= 0; }
+
+std::string keeps(const PlanPoint& p) {
+  return edges_judged(p) ? "keeps all" : "prints; no edge at a gap was judged";
+}
+
 std::string row(const PlanPoint& p) {
   if (!p.prints) return fmt::format("  {:>12}  {}", pace(p), p.limited_by);
-  return fmt::format("  {:>12}  {:>8.3f}  {:>8.3f}  {:>8}  {:>12}  {}", pace(p), p.mean_abs_um,
-                     p.max_abs_um,
+  const auto um = [&](double value) {
+    return edges_judged(p) ? fmt::format("{:.3f}", value) : std::string("-");
+  };
+  return fmt::format("  {:>12}  {:>8}  {:>8}  {:>8}  {:>12}  {}", pace(p), um(p.mean_abs_um),
+                     um(p.max_abs_um),
                      p.contrast_at.x >= 0 ? fmt::format("{:.4f}", p.contrast) : std::string("-"),
-                     time_in_words(told_s(p.print_time())), p.keeps ? "keeps all" : p.limited_by);
+                     time_in_words(told_s(p.print_time())), p.keeps ? keeps(p) : p.limited_by);
 }
 
 std::string ranges_in_words(const std::vector<SpeedRange>& ranges) {
@@ -69,13 +80,17 @@ std::string gap_in_words(const PrintPlan& plan, const PlanGap& g) {
 
 std::string plan_text(const PrintPlan& plan) {
   const bool continuous = plan.mode == ExposureMode::continuous;
+  const std::string asked =
+      edges_judged(plan.at)
+          ? fmt::format("with edges within {:g} um and a contrast of {:g} in gaps",
+                        plan.ask.tolerance_um, plan.ask.gap_contrast)
+          : std::string("that prints; no edge at a gap was judged, because no gap is planned for");
   std::string text = fmt::format(
-      "{}: the {} with edges within {:g} um and a contrast of {:g} in gaps\n"
+      "{}: the {} {}\n"
       "limited by {}: {}\n"
       "print {}, {} slices after the part's end\n",
-      pace(plan.at), continuous ? "fastest" : "least exposure", plan.ask.tolerance_um,
-      plan.ask.gap_contrast, plan.limited_by, plan.limit, time_in_words(plan.at.print_time()),
-      plan.at.extra_slices);
+      pace(plan.at), continuous ? "fastest" : "least exposure", asked, plan.limited_by, plan.limit,
+      time_in_words(plan.at.print_time()), plan.at.extra_slices);
   if (!continuous) {
     text += "a layer takes " +
             layer_time(plan.setup.process, plan.setup.lift_times, plan.layer_um).in_words();
@@ -130,11 +145,11 @@ std::string plan_text(const PrintPlan& plan) {
   }
   if (plan.faster) {
     text += fmt::format("half a percent faster, {}: {}\n", pace(*plan.faster),
-                        plan.faster->keeps ? "keeps all" : plan.faster->why);
+                        plan.faster->keeps ? keeps(*plan.faster) : plan.faster->why);
   }
   if (plan.slower) {
     text += fmt::format("a tenth slower, {}: {}\n", pace(*plan.slower),
-                        plan.slower->keeps ? "keeps all" : plan.slower->why);
+                        plan.slower->keeps ? keeps(*plan.slower) : plan.slower->why);
   }
   for (const std::string& words : plan.chosen) text += "tried: " + words + "\n";
   if (!plan.gaps.empty()) {

@@ -325,6 +325,21 @@ TEST_F(Files, DosesThatContradict) {
   EXPECT_THAT(check("gel_dose_mj_cm3 = 5\ncritical_dose_prime = 3\n"), HasSubstr("kinetic"));
 }
 
+TEST_F(Files, HeightsInMillimetresAreAskedAfter) {
+  const auto check = [&](const std::string& um) {
+    return validate_definition(
+        write("r.toml", "name = \"r\"\n[cure]\nabsorbance_height_um = " + um +
+                            "\nabsorbance_base = \"10\"\ngel_dose_mj_cm3 = 5\n"));
+  };
+  EXPECT_THAT(check("5"), ::testing::IsEmpty());
+  const auto found = check("0.2");
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_TRUE(found.front().warning);
+  EXPECT_THAT(found.front().to_text(),
+              HasSubstr("r.toml:3: warning: cure.absorbance_height_um: is 0.2 um, less than any "
+                        "resin is known to have; is it 0.2 mm, which are 200 um?"));
+}
+
 TEST_F(Files, FilesThatAreNoDefinitions) {
   const auto only = [&](const std::string& path) {
     const auto found = validate_definition(path);

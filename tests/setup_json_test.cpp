@@ -3,6 +3,7 @@
 
 // A setup as text: what stacks record, without a stack.
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -12,7 +13,9 @@
 #include <set>
 #include <string>
 
+#include "memory_slices.hpp"
 #include "models.hpp"
+#include "slicecorr/cure.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/setup.hpp"
 #include "slicecorr/stack.hpp"
@@ -22,7 +25,7 @@ namespace {
 
 Setup resolved(SetupChoices choices) {
   choices.printer = std::string(SLICECORR_PRINTERS_DIR) + "/dual-wavelength-dlp.toml";
-  choices.resin = std::string(SLICECORR_DB_DIR) + "/da-2-ppo.toml";
+  if (choices.resin.empty()) choices.resin = std::string(SLICECORR_DB_DIR) + "/da-2-ppo.toml";
   return resolve_setup(choices, nullptr, nullptr, ChoiceNames::fields);
 }
 
@@ -185,6 +188,129 @@ TEST(SetupJson, DamageIsRefusedByName) {
   }
   EXPECT_THROW(parse_setup_json("{}", "x"), InputError);
   EXPECT_THROW(parse_setup_json("", "x"), InputError);
+}
+
+/// What resolving these is refused with; empty: nothing.
+std::string refusal(SetupChoices choices) {
+  try {
+    resolved(std::move(choices));
+  } catch (const InputError& e) {
+    return e.what();
+  }
+  return {};
+}
+
+SetupChoices continuous() {
+  SetupChoices c;
+  c.speed_mm_h = 700;
+  return c;
+}
+
+SetupChoices layers() {
+  SetupChoices c;
+  c.mode = "layerwise";
+  c.exposure_s = 2.1;
+  return c;
+}
+
+TEST(SetupRefused, WhatChangesNothingIsNotTaken) {
+  using ::testing::HasSubstr;
+  for (const bool shortfall : {false, true}) {
+    const std::string name = shortfall ? "gap_shortfall" : "edge_aim_um";
+    const auto with = [&](SetupChoices c) {
+      (shortfall ? c.gap_shortfall : c.edge_aim_um) = 0.3;
+      return refusal(c);
+    };
+    EXPECT_EQ(with(continuous()), "");
+    EXPECT_THAT(with(layers()), HasSubstr(name + " changes nothing layer by layer"));
+    SetupChoices uv = continuous();
+    uv.resin = std::string(SLICECORR_DB_DIR) + "/custom-resin-1.toml";
+    uv.other_wavelength = "take";
+    uv.uv_mw_cm2 = 50;
+    EXPECT_EQ(refusal(uv), "");
+    EXPECT_THAT(with(uv), HasSubstr(name + " changes nothing under UV light"));
+    // Where levels are tried, both count in both modes.
+    SetupChoices tried = layers();
+    tried.resin = std::string(SLICECORR_DB_DIR) + "/bis-ema-tpo-gel-time.toml";
+    tried.other_wavelength = "take";
+    EXPECT_EQ(refusal(tried), "");
+    EXPECT_EQ(with(tried), "");
+  }
+  SetupChoices gap = continuous();
+  gap.gap_um = 80;
+  EXPECT_THAT(refusal(gap), HasSubstr("viscosity_pa_s"));
+  gap = layers();
+  gap.gap_um = 80;
+  EXPECT_THAT(refusal(gap), HasSubstr("gap_um changes nothing layer by layer"));
+}
+
+TEST(SetupRefused, WhatWasTypedIsNamed) {
+  using ::testing::StartsWith;
+  SetupChoices c = continuous();
+  c.skin = 0.3;
+  EXPECT_THAT(refusal(c), StartsWith("skin is for layer by layer"));
+  c = continuous();
+  c.green_strength = 1.5;
+  EXPECT_THAT(refusal(c), StartsWith("green_strength is for layer by layer"));
+  c = continuous();
+  c.lift_exchange = 0;
+  EXPECT_THAT(refusal(c), StartsWith("lift_exchange is for layer by layer"));
+  c.lifts = "each";
+  EXPECT_THAT(refusal(c), StartsWith("lifts is for layer by layer"));
+}
+
+TEST(SetupRefused, PrintersThatTurnAVial) {
+  SetupChoices c = continuous();
+  c.printer = std::string(SLICECORR_PRINTERS_DIR) + "/model-tomography-bench.toml";
+  c.resin = std::string(SLICECORR_DB_DIR) + "/model-tomography-resin.toml";
+  try {
+    resolve_setup(c, nullptr, nullptr, ChoiceNames::fields);
+    FAIL() << "accepted";
+  } catch (const InputError& e) {
+    EXPECT_THAT(e.what(), ::testing::HasSubstr("'model-tomography-bench' turns a vial"));
+  }
+  // It is none of it for jobs in vials.
+  EXPECT_TRUE(chosen_definitions(c, ChoiceNames::fields).first.vial);
+}
+
+TEST(SetupRefused, AbsorbanceHeightsThatAreMillimetres) {
+  SetupChoices c = continuous();
+  const auto model = [&](double ha_um) {
+    c.ha_um = ha_um;
+    const slicecorr::Setup s = resolved(c);
+    return make_cure_model(s.printer, s.resin, s.process, 50);
+  };
+  EXPECT_DOUBLE_EQ(model(2.5).eta, 20);
+  try {
+    model(0.2);
+    FAIL() << "accepted";
+  } catch (const InputError& e) {
+    EXPECT_THAT(
+        e.what(),
+        ::testing::HasSubstr("has an absorbance height of 0.2 um: 250 of them are in a layer of 50 "
+                             "um, which then lets no light pass; expected at least 2.5 um: is it "
+                             "0.2 mm, which are 200 um?"));
+  }
+}
+
+TEST(SetupTold, AFadeThatThePartDoesNotOutlast) {
+  SetupChoices c = layers();
+  c.bottom_exposure_s = 30;
+  c.bottom_layers = 2;
+  slicecorr::Setup setup = resolved(c);
+  const auto told = [&](int fade_layers, int layers) {
+    setup.process.fade_layers = fade_layers;
+    std::string words;
+    ExecutionContext context;
+    context.notice = [&](const std::string& text) { words += text + "\n"; };
+    setup_to_correct(test::MemorySlices({1, 1, layers, 50, 50, 50}), setup, context);
+    return words;
+  };
+  EXPECT_THAT(told(9, 12), ::testing::Not(::testing::HasSubstr("fade_layers")));
+  // The last of 11 layers is the 9th of 10 steps from 30 to 2.1 s.
+  EXPECT_THAT(told(9, 11),
+              ::testing::HasSubstr("the part ends after 11: no layer gets the 2.1 s of "
+                                   "normal ones, the last one gets 4.89 s"));
 }
 
 }  // namespace

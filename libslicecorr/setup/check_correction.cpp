@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <span>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -88,6 +89,18 @@ constexpr std::pair<Feature, const char*> kNoNoise[] = {
 /// Where light spreads, columns are held together in both cases by sums of light.
 constexpr Feature kRobustAlone[] = {Feature::uv_constant, Feature::uv_per_slice,
                                     Feature::uv_patterned, Feature::gel_time, Feature::bleaching};
+
+/// A part that ends while its exposure still falls; empty where it does not.
+std::string fade_notice(const Process& p, int layers) {
+  const int faded = p.bottom_layers + p.fade_layers;
+  const bool falls = p.mode == ExposureMode::layerwise && p.layer_exposure_s.empty() &&
+                     p.fade_layers > 0 && p.bottom_exposure_s > p.exposure_s;
+  if (!falls || layers <= 0 || faded < layers) return {};
+  return fmt::format(
+      "the exposure falls over the first {} layers (bottom_layers, fade_layers), and the part ends after {}: "
+      "no layer gets the {:g} s of normal ones, the last one gets {:.3g} s",
+      faded, layers, p.exposure_s, layer_exposure_s(p, layers - 1));
+}
 
 }  // namespace
 
@@ -182,6 +195,9 @@ Setup setup_to_correct(const SliceSource& target, Setup setup, const ExecutionCo
   }
   const char* const cap = leave_out_cap(setup.printer, setup.resin, setup.process);
   if (cap) context.tell(cap);
+  if (const std::string fades = fade_notice(process, target.grid().layers); !fades.empty()) {
+    context.tell(fades);
+  }
   return setup;
 }
 

@@ -9,6 +9,7 @@
 #include <numeric>
 
 #include "setup/assume.hpp"
+#include "setup/counts.hpp"
 #include "setup/exposures.hpp"
 #include "setup/lamps.hpp"
 #include "slicecorr/assumed_light.hpp"
@@ -25,6 +26,7 @@
 #include "slicecorr/same_light.hpp"
 #include "slicecorr/settings.hpp"
 #include "slicecorr/supports.hpp"
+#include "slicecorr/tuned_together.hpp"
 #include "support/toml/toml_table.hpp"
 
 namespace slicecorr {
@@ -58,6 +60,10 @@ class Resolver {
   void resolve_layerwise(Process& process, const StackInfo* times) const;
   void resolve_layers(Process& process, const StackInfo* times, bool recorded) const;
   void resolve_lifts(Setup& setup, bool recorded) const;
+  /// The setting that says how lifts go, where one does.
+  const char* how_said() const {
+    return c_.green_strength > 0 ? "green_strength" : c_.skin > 0 ? "skin" : "lift_exchange";
+  }
   void resolve_uv(Setup& setup) const;
   /// Lamps follow the stage where a machine would else refuse the speed, and nothing is said of ramps.
   void resolve_ramp(Setup& setup) const;
@@ -181,7 +187,7 @@ void Resolver::resolve_lifts(Setup& setup, bool recorded) const {
   if (p.mode != ExposureMode::layerwise) {
     if (said) {
       wrong(fmt::format("{} is for layer by layer exposure; expected {} layerwise with it",
-                        o("lifts"), o("mode")));
+                        o(!c_.lifts.empty() ? "lifts" : how_said()), o("mode")));
     }
     p.lifts = Lifts::none;
     return;
@@ -196,11 +202,8 @@ void Resolver::resolve_lifts(Setup& setup, bool recorded) const {
   }
   if (!c_.lifts.empty()) apply_choice(*find_setting("lifts"), c_, p);
   if (how && p.lifts == Lifts::none) {
-    const char* const name = c_.green_strength > 0 ? "green_strength"
-                             : c_.skin > 0         ? "skin"
-                                                   : "lift_exchange";
-    wrong(fmt::format("{} is for layers that hold at each lift; expected {} each with it", o(name),
-                      o("lifts")));
+    wrong(fmt::format("{} is for layers that hold at each lift; expected {} each with it",
+                      o(how_said()), o("lifts")));
   }
   if (c_.green_strength > 0) p.green_strength = c_.green_strength;
   if (c_.skin > 0) p.skin = c_.skin;
@@ -485,6 +488,12 @@ Setup Resolver::resolve(const StackInfo* info, const StackInfo* times) const {
   }
   if (info) need(c_.speed_mm_h > 0 || c_.mode == "layerwise" || c_.exposure_s > 0, "speed_mm_h");
   setup.printer = printer_given ? printer() : *info->printer;
+  if (printer_given && setup.printer.vial) {
+    throw InputError(fmt::format(
+        "printer '{}' turns a vial, in which a whole part gels at once: it shows no slices; expected a "
+        "printer of slices, or \"slicecorr tomo solve\", which makes a job for this one",
+        setup.printer.name));
+  }
   if (c_.resin_depth_um > 0) setup.printer.resin_depth_um = c_.resin_depth_um;
   if (c_.platform_reflectance >= 0) setup.printer.platform_reflectance = c_.platform_reflectance;
   setup.resin = resin_given ? resin() : with_overrides(*info->resin, overrides());
@@ -519,6 +528,12 @@ Setup Resolver::resolve(const StackInfo* info, const StackInfo* times) const {
   if (printer_given || resin_given) {
     check_light(setup.printer, setup.resin, setup.process.uv.kind != UvKind::off);
   }
+  if (printer_given && resin_given && !assumes()) {
+    check_tuned_together(c_.printer_toml.empty()
+                             ? DefinitionText::of_printer(c_.printer)
+                             : DefinitionText{c_.printer_toml, o("printer_toml")},
+                         setup.resin);
+  }
   setup.gap_um = std::max(0.0, c_.gap_um);
   setup.refuse_loose = c_.loose == "refuse";
   setup.least_neck_mm2 = std::max(0.0, c_.least_neck_mm2);
@@ -537,6 +552,7 @@ Setup Resolver::resolve(const StackInfo* info, const StackInfo* times) const {
       setup.process.spread_rounds = 0;
     }
   }
+  detail::check_counts(setup, c_, names_);
   if (setup.process.assumed != AssumedLight::none) detail::assume_errors(setup);
   if (info && info->recording) check_recorded(setup, *info);
   setup.printer = for_resin(std::move(setup.printer), setup.resin);

@@ -113,6 +113,23 @@ void check_doses(CheckedFile& definition) {
   }
 }
 
+/// No resin that anybody measured stops light in less than some ten micrometres; in mm all numbers are that
+/// small.
+void check_heights(CheckedFile& definition) {
+  constexpr double kLeastUm = 5;
+  const char* const key = "absorbance_height_um";
+  for (const char* const table : {"cure", "inhibition", "bleaching"}) {
+    const auto um = definition.number(table, key);
+    if (!um || !(*um > 0) || *um >= kLeastUm) continue;
+    definition.add(
+        definition.line_of(table, key), definition.full(table, key),
+        fmt::format(
+            "is {:g} um, less than any resin is known to have; is it {:g} mm, which are {:g} um?",
+            *um, *um, *um * 1000),
+        true);
+  }
+}
+
 void check_composition(CheckedFile& definition) {
   const toml::table* t = definition.table("composition");
   if (!t) return;
@@ -330,6 +347,7 @@ void check_tomography(CheckedFile& definition) {
 
 void check_resin(CheckedFile& file) {
   check_doses(file);
+  check_heights(file);
   check_composition(file);
   check_measurements(file);
   check_chemistry(file);

@@ -1,0 +1,44 @@
+// SPDX-FileCopyrightText: 2026 The slicecorr authors
+// SPDX-License-Identifier: Apache-2.0
+
+#include "setup/counts.hpp"
+
+#include <fmt/format.h>
+
+#include <string>
+#include <string_view>
+
+#include "slicecorr/error.hpp"
+
+namespace slicecorr {
+
+void detail::check_counts(const Setup& setup, const SetupChoices& choices, ChoiceNames names) {
+  const auto o = [&](std::string_view name) { return setting_name(names, name); };
+  const Process& p = setup.process;
+  // Where levels are tried, both count in both modes (tried_column.hpp).
+  const bool tried = setup.resin.has_gel_time() || setup.resin.bleaches();
+  const bool continuous = p.mode == ExposureMode::continuous;
+  for (const std::string_view name : {"edge_aim_um", "gap_shortfall"}) {
+    if (!is_said(*find_setting(name), choices) || tried) continue;
+    if (!continuous || p.uv.kind != UvKind::off) {
+      throw InputError(fmt::format("{} changes nothing {}; expected it not to be given", o(name),
+                                   continuous ? "under UV light" : "layer by layer"));
+    }
+  }
+  if (choices.gap_um > 0 && choices.even_dead_zone.empty()) {
+    if (!continuous) {
+      throw InputError(fmt::format(
+          "{} changes nothing layer by layer: suction is judged in continuous exposure; "
+          "expected it not to be given",
+          o("gap_um")));
+    }
+    if (!(setup.resin.viscosity_pa_s > 0)) {
+      throw InputError(fmt::format(
+          "{} says where suction is judged, and nobody knows suction without the viscosity "
+          "of resin '{}'; expected viscosity_pa_s in its file with it",
+          o("gap_um"), setup.resin.name));
+    }
+  }
+}
+
+}  // namespace slicecorr

@@ -312,6 +312,13 @@ TEST_F(TestPartsProgram, CombGivesThePrinterBack) {
   const RunResult next = good({"tune", "measured-2.csv", "--printed", "again.uvj", "--printer",
                                "tuned-p.toml", "--resin", "tuned.toml"});
   EXPECT_THAT(next.out, HasSubstr("known before: what was found by the tuning before"));
+  // What was counted is not counted again, and files of one tuning go together.
+  bad(2, {"tune", "stairs.csv", "--printer", "tuned-p.toml", "--resin", "tuned.toml"},
+      {"slicecorr: stairs.csv: was counted before", "tuned.toml"});
+  bad(2,
+      {"correct", "comb.uvj", "-o", "half.uvj", "--printer", "tuned-p.toml", "--resin", "r.toml",
+       "--speed-mm-h", "1000"},
+      {"tuned-p.toml", "tuned_from_resin", "the file from before"});
 }
 
 TEST_F(TestPartsProgram, NothingMeasuredTellsWhatToMeasureFirst) {

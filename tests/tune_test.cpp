@@ -16,6 +16,8 @@
 
 #include "models.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/same_light.hpp"
+#include "slicecorr/tuned_together.hpp"
 #include "slicecorr/units.hpp"
 
 namespace slicecorr::resins {
@@ -333,11 +335,17 @@ TEST(Tune, WhatCantBeIsRefused) {
   for (auto& e : metres.edges) e.measured_um *= 1e-3;
   for (auto& e : none.edges) e.measured_um = std::numeric_limits<double>::quiet_NaN();
   EXPECT_THAT(refusal({swapped}), testing::HasSubstr("swapped"));
-  EXPECT_THAT(refusal({metres}), testing::HasSubstr("lengths in um"));
+  EXPECT_THAT(refusal({metres}),
+              testing::AllOf(testing::HasSubstr("measured_um"),
+                             testing::HasSubstr("lengths in um: are these mm?")));
   EXPECT_THAT(refusal({none}), testing::HasSubstr("nothing was measured"));
   EXPECT_THAT(refusal({part}, 0), testing::HasSubstr("more than 0"));
   MeasuredPart stairs = plugs(staircase());
   measure(stairs, {}, random, 10);
+  // By the name of the column that was filled in.
+  MeasuredPart in_mm = stairs;
+  for (auto& e : in_mm.edges) e.measured_um *= 1e-3;
+  EXPECT_THAT(refusal({in_mm}), testing::HasSubstr("cured_height_um: is 0.001"));
   std::swap(stairs.edges[1].measured_um, stairs.edges[4].measured_um);
   EXPECT_THAT(refusal({stairs}), testing::HasSubstr("swapped"));
   TunePrior prior = default_prior();
@@ -682,6 +690,121 @@ TEST(Tune, FilesSayTheExchange) {
                parse_printer(printer_with_tuning(kPrinterFile, "p.toml", printer, r), "p.toml"))
           .covariance[3][3],
       0.09, 1e-9);
+}
+
+/// The same light and resin, told in shares of the brightest level and seconds of it.
+Printer in_shares(Printer printer) {
+  const double full = printer.calibration.back().intensity_mw_cm2;
+  for (CalibrationPoint& c : printer.calibration) c.intensity_mw_cm2 /= full;
+  printer.unit = LightUnit::brightest;
+  return printer;
+}
+Resin in_seconds(Resin resin, double full) {
+  resin.critical_dose_mj_cm3 /= full;
+  resin.gel_dose_mj_cm3 = 0;
+  resin.unit = LightUnit::brightest;
+  return resin;
+}
+
+// Who has no power meter finds the same: a comb says nothing of the unit of light.
+TEST(Tune, LightInSharesTellsTheSame) {
+  const Printer shares = in_shares(kPrinter);
+  const Resin seconds = in_seconds(kLiftedResin, 100);
+  // Of the 100 mW/cm² of full light a hundredth.
+  TunePrior prior = default_prior();
+  prior.covariance[2][2] = 1;
+  std::mt19937 random(5);
+  std::normal_distribution<double> normal;
+  for (int run = 0; run < 3; ++run) {
+    const TuneVector truth{0.1 * normal(random), 0.1 * normal(random), 0.3 * normal(random)};
+    MeasuredPart part = lift_comb();
+    print_by_lifts(part, truth, 0.3 + 0.2 * run);
+    for (MeasuredEdge& e : part.edges) e.measured_um += 5 * normal(random);
+    MeasuredPart of_full = part;
+    for (double& light : of_full.intensity_mw_cm2) light /= 100;
+    const TuneResult r = tune({part}, kPrinter, kLiftedResin, prior, 5);
+    const TuneResult s = tune({of_full}, shares, seconds, default_prior(LightUnit::brightest), 5);
+    // A hundredth of a standard deviation: the search ends that near.
+    for (std::size_t i = 0; i < kTuned; ++i) {
+      const double unit = i == 2 ? 100 : 1, sd = std::sqrt(r.covariance[i][i]);
+      EXPECT_NEAR(unit * s.x[i], r.x[i], 0.01 * sd) << i;
+      EXPECT_NEAR(unit * std::sqrt(s.covariance[i][i]), sd, 0.01 * sd) << i;
+    }
+    EXPECT_EQ(s.lift_exchange.has_value(), r.lift_exchange.has_value());
+    // The unit stays the brightest level, which stray light makes brighter.
+    const Printer shines = tuned_printer(kPrinter, 1, r.x),
+                  of_shares = tuned_printer(shares, 1, s.x);
+    const double full = shines.calibration.back().intensity_mw_cm2;
+    EXPECT_EQ(of_shares.calibration.back().intensity_mw_cm2, 1);
+    EXPECT_NEAR(of_shares.calibration.front().intensity_mw_cm2 * full,
+                shines.calibration.front().intensity_mw_cm2, 0.02);
+    EXPECT_NEAR(tuned_resin(seconds, s.x).critical_dose_mj_cm3 * full /
+                    tuned_resin(kLiftedResin, r.x).critical_dose_mj_cm3,
+                1, 1e-3);
+    EXPECT_THAT(s.to_text(shares, seconds, default_prior(LightUnit::brightest)),
+                testing::AllOf(testing::HasSubstr("stray light 0.01 of the brightest level's"),
+                               testing::Not(testing::HasSubstr("mW/cm²"))));
+  }
+  EXPECT_THROW(tune({lift_comb()}, shares, kLiftedResin, prior, 5), InputError);
+}
+
+TEST(Tune, FilesInSharesStayInThem) {
+  const std::string printer_text =
+      "name = \"p\"\n[display]\nwidth_px = 100\nheight_px = 100\npixel_um = 50\n[blue]\n"
+      "wavelength_nm = 405\nunit = \"of the brightest level\"\ncalibration = [[0, 0.01], [128, "
+      "0.4], [255, 1]]\n";
+  const std::string resin_text =
+      "name = \"r\"\n[cure]\nmodel = \"jacobs\"\nunit = \"of the brightest level\"\n"
+      "wavelength_nm = 405\nabsorbance_height_um = 200\nabsorbance_base = 10\ncritical_dose_s = 1.5\n"
+      "display = \"p\"\n";
+  const Printer printer = parse_printer(printer_text, "p.toml");
+  const Resin resin = parse_resin(resin_text, "r.toml");
+  TuneResult r = found_so({0.05, -0.08, 0.02, -0.2});
+  r.resin_before = "r";
+  r.counted = {"0123456789abcdef"};
+  Printer renamed = printer;
+  renamed.name = "tuned-printer";
+  const std::string resin_file = resin_with_tuning(resin_text, "r.toml", "tuned", renamed, r);
+  const std::string printer_file = printer_with_tuning(printer_text, "p.toml", renamed, r);
+  const Printer shines = parse_printer(printer_file, "p.toml");
+  const Resin tuned = parse_resin(resin_file, "r.toml");
+  const double stray = 0.02 * std::exp(0.08), full = 1 + stray;
+  EXPECT_EQ(shines.unit, LightUnit::brightest);
+  EXPECT_NEAR(shines.calibration[0].intensity_mw_cm2, (0.01 + stray) / full, 1e-8);
+  EXPECT_NEAR(shines.calibration[1].intensity_mw_cm2, (0.4 + stray) / full, 1e-7);
+  EXPECT_EQ(tuned.display, "tuned-printer");
+  EXPECT_NEAR(tuned.critical_dose_mj_cm3 / resin.critical_dose_mj_cm3, std::exp(0.08 - 0.05) / full,
+              1e-6);
+  const TunePrior next = prior_of(resin_file, "r.toml", shines);
+  EXPECT_THAT(next.text, testing::HasSubstr("tuning before"));
+  EXPECT_NEAR(next.covariance[2][2], r.covariance[2][2] * std::exp(0.16) / (full * full), 1e-9);
+  EXPECT_NO_THROW(check_same_light(shines, tuned, false, false, ""));
+  EXPECT_THROW(check_same_light(printer, tuned, false, false, ""), InputError);
+  // The other way round: the printer that was tuned, with the resin of before. Others are taken.
+  EXPECT_NO_THROW(check_tuned_together({printer_file, "p.toml"}, tuned));
+  EXPECT_NO_THROW(check_tuned_together({printer_text, "p.toml"}, resin));
+  Resin other = resin;
+  other.name = "other";
+  EXPECT_NO_THROW(check_tuned_together({printer_file, "p.toml"}, other));
+  EXPECT_THROW(check_tuned_together({printer_file, "p.toml"}, resin), InputError);
+}
+
+TEST(Tune, WhatWasCountedOnceIsNotCountedAgain) {
+  MeasuredPart part = lift_comb();
+  print_by_lifts(part, {}, 0.4);
+  MeasuredPart other = part;
+  other.edges.front().measured_um += 1;
+  TuneResult r = found_so({0.05, -0.08, 0.2});
+  r.counted = {mark_of(part)};
+  const Printer printer = parse_printer(kPrinterFile, "p.toml");
+  const std::string file = resin_with_tuning(kResinFile, "r.toml", "tuned", printer, r);
+  EXPECT_NO_THROW(check_not_counted(kResinFile, "r.toml", {part, part}));
+  EXPECT_NO_THROW(check_not_counted(file, "r.toml", {other}));
+  EXPECT_THROW(check_not_counted(file, "r.toml", {other, part}), InputError);
+  r.counted = {mark_of(other)};
+  const std::string both = resin_with_tuning(file, "r.toml", "again", printer, r);
+  EXPECT_THROW(check_not_counted(both, "r.toml", {part}), InputError);
+  EXPECT_THROW(check_not_counted(both, "r.toml", {other}), InputError);
 }
 
 }  // namespace

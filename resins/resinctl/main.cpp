@@ -3,11 +3,16 @@
 
 // The program `resinctl`: keeps and fits the resin database.
 
+#include <filesystem>
+#include <string>
+
 #include "commands.hpp"
 
 int main(int argc, char** argv) {
   using namespace slicecorr;
-  cli::Program program("resinctl",
+  // `slicecorr tune` hands over to this program and keeps the name that was typed.
+  const std::string typed = std::filesystem::path(argc > 0 ? argv[0] : "").filename().string();
+  cli::Program program(typed == "slicecorr" ? typed : "resinctl",
                        "Keeps the database of resins and printers, and fits cure models to "
                        "measurements.",
                        "resinctl fit heights.csv --model kinetic --json - -o my-resin.toml");

@@ -118,8 +118,10 @@ std::string printer_output_of(const cli::TuneOptions& a) {
   return (resin.parent_path() / (resin.stem().string() + "-printer.toml")).string();
 }
 
-void write_tuned(const ResinToTune& resin, const PrinterToTune& printer, const TuneResult& found,
+void write_tuned(const ResinToTune& resin, const PrinterToTune& printer, const TuneResult& told,
                  cli::Console& console) {
+  TuneResult found = told;
+  found.resin_before = resin.before.name;
   if (!resin.output.empty()) {
     cli::write_text_file(
         resin.output,
@@ -236,7 +238,6 @@ int tune_command(const cli::TuneOptions& a, const ExecutionContext& context,
   cli::check_output(a.output, inputs);
   cli::check_output(printer_output, inputs);
   const Printer printer = load_printer(printer_path);
-  refuse_relative(printer, "what is known of stray light before tuning");
   const std::string text = read_text_file(resin_path);
   const Resin resin = parse_resin(text, resin_path);
   // What it was tuned with before is no matter: it is tuned anew.
@@ -259,7 +260,9 @@ int tune_command(const cli::TuneOptions& a, const ExecutionContext& context,
         next_text(next_parts(printer, resin, nothing, process, layer_um, a.sigma_um), a.sigma_um));
     return cli::kDone;
   }
-  const TuneResult found = tune(parts, printer, resin, prior, a.sigma_um);
+  check_not_counted(text, resin_path, parts);
+  TuneResult found = tune(parts, printer, resin, prior, a.sigma_um);
+  for (const MeasuredPart& part : parts) found.counted.push_back(mark_of(part));
   Printer renamed = printer;
   if (!printer_output.empty()) renamed.name = name_in_file(printer_output, printer.name);
   write_tuned({resin_path, text, resin, a.output}, {printer_path, renamed, printer_output}, found,

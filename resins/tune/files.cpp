@@ -8,12 +8,15 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <filesystem>
 
 #include "database/schema.hpp"
 #include "database/toml_edit.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/light_unit.hpp"
 #include "slicecorr/same_light.hpp"
+#include "slicecorr/tuned_together.hpp"
 #include "slicecorr/units.hpp"
 #include "support/toml/toml_table.hpp"
 #include "tune/matrix.hpp"
@@ -28,8 +31,49 @@ constexpr const char* kScatterKey = "scatter_um2_per_um";
 }  // namespace
 
 std::string tuned_with(const Printer& printer, bool exchange) {
-  return fmt::format("{}{}stray_mw_cm2{}: ", printer_and_light(printer), kTunedFigures,
+  return fmt::format("{}{}{}{}: ", printer_and_light(printer), kTunedFigures,
+                     is_relative(printer) ? "stray_of_full" : "stray_mw_cm2",
                      exchange ? ", exchange" : "");
+}
+
+namespace {
+
+constexpr const char* kCounted = "tuned_by";
+
+std::string counted_before(const std::string& text, const std::string& source) {
+  const toml::table root = parse_toml(text, source);
+  const auto provenance = TomlTable(root, source).table("provenance");
+  return provenance && provenance->has(kCounted) ? provenance->text(kCounted, "") : std::string();
+}
+
+}  // namespace
+
+std::string mark_of(const MeasuredPart& part) {
+  // FNV-1a, of 64 bits.
+  std::uint64_t mark = 0xcbf29ce484222325;
+  for (const MeasuredEdge& e : part.edges) {
+    if (std::isnan(e.measured_um)) continue;
+    const std::string said =
+        fmt::format("{} {:.9g} {:.9g} {:.9g} {:.9g};", static_cast<int>(e.kind), e.designed_um,
+                    e.exposure_s, e.intensity_mw_cm2, e.measured_um);
+    for (const char c : said) mark = (mark ^ static_cast<unsigned char>(c)) * 0x100000001b3;
+  }
+  return fmt::format("{:016x}", mark);
+}
+
+void check_not_counted(const std::string& resin_text, const std::string& resin_source,
+                       const std::vector<MeasuredPart>& parts) {
+  const std::string before = counted_before(resin_text, resin_source);
+  for (const MeasuredPart& part : parts) {
+    if (before.find(mark_of(part)) == std::string::npos) continue;
+    throw InputError(
+        part.source, "",
+        fmt::format(
+            "was counted before: '{}' was tuned by these measurements (provenance.{}), and counted "
+            "again they would seem to say more than they do; expected new ones, or the resin file "
+            "from before",
+            resin_source, kCounted));
+  }
 }
 
 std::string name_in_file(const std::string& path, const std::string& before) {
@@ -46,7 +90,9 @@ std::string resin_with_tuning(const std::string& text, const std::string& source
   const TomlTable root(parsed, source);
   const Resin before = parse_resin(text, source);
   const Resin after = tuned_resin(before, result.x);
-  const double height = std::exp(result.x[0]), areal = std::exp(-before.m * result.x[1]);
+  const bool relative = is_relative(before);
+  const double full = relative ? full_light(result.x) : 1, height = std::exp(result.x[0]),
+               areal = std::exp(-before.m * result.x[1]) / full;
   const auto scale = [&](const char* table, const char* key, double by) {
     const auto keys = root.table(table);
     if (!keys || !keys->has(key)) return false;
@@ -63,9 +109,11 @@ std::string resin_with_tuning(const std::string& text, const std::string& source
   for (const char* key : {"critical_dose_mj_cm3", "gel_dose_mj_cm3"}) {
     scale("cure", key, areal / height);
   }
-  for (const char* key : {"critical_dose_mj_cm2", "gel_dose_mj_cm2", "critical_dose_prime"}) {
+  for (const char* key :
+       {"critical_dose_mj_cm2", "gel_dose_mj_cm2", "critical_dose_prime", "critical_dose_s"}) {
     scale("cure", key, areal);
   }
+  if (relative) edit.set("cure", "display", toml_text(printer.name));
   if (before.inhibition) {
     scale("inhibition", "critical_dose_prime", std::exp(-before.inhibition->m * result.x[1]));
   }
@@ -99,16 +147,18 @@ std::string resin_with_tuning(const std::string& text, const std::string& source
     edit.set_comment("cure", "wavelength_nm", "");
   }
   const TuneMatrix& c = result.covariance;
-  if (after.gel_dose_mj_cm3 > 0 && before.m == 1) {
+  if ((relative || after.gel_dose_mj_cm3 > 0) && before.m == 1) {
     const double h = units::height_e_from_10(after.absorbance_height10_um);
-    const double d = units::areal_from_volumetric(after.gel_dose_mj_cm3, dose_height_e_um(after));
+    const double d =
+        relative ? critical_dose_s(after)
+                 : units::areal_from_volumetric(after.gel_dose_mj_cm3, dose_height_e_um(after));
     edit.set("provenance", "covariance",
-             toml_text(fmt::format("h_um, dc_mj_cm2: [[{:.6g}, {:.6g}], [{:.6g}, {:.6g}]]",
-                                   c[0][0] * h * h, -c[0][1] * h * d, -c[0][1] * h * d,
-                                   c[1][1] * d * d)));
+             toml_text(fmt::format("h_um, {}: [[{:.6g}, {:.6g}], [{:.6g}, {:.6g}]]",
+                                   relative ? "critical_dose_s" : "dc_mj_cm2", c[0][0] * h * h,
+                                   -c[0][1] * h * d, -c[0][1] * h * d, c[1][1] * d * d)));
   }
   // Stray light is counted as the new printer file says light.
-  const double stray = std::exp(-result.x[1]);
+  const double stray = std::exp(-result.x[1]) / full;
   std::string matrix;
   const std::size_t told = result.lift_exchange ? kTuned : kExchange;
   for (std::size_t i = 0; i < told; ++i) {
@@ -121,6 +171,12 @@ std::string resin_with_tuning(const std::string& text, const std::string& source
            toml_text(tuned_with(tuned_printer(printer, before.m, result.x),
                                 result.lift_exchange.has_value()) +
                      matrix + "]]"));
+  if (!result.counted.empty()) {
+    const std::string earlier = counted_before(text, source);
+    edit.set("provenance", kCounted,
+             toml_text(fmt::format("{}{}{}", earlier, earlier.empty() ? "" : ", ",
+                                   fmt::join(result.counted, ", "))));
+  }
   parse_resin(edit.text(), source);
   return edit.text();
 }
@@ -136,9 +192,14 @@ std::string printer_with_tuning(const std::string& text, const std::string& sour
   edit.set("", "name", toml_text(printer.name));
   edit.set("blue", "calibration", "[" + points + "]");
   edit.set_comment("blue", "calibration",
-                   fmt::format("# Measured light and {:+.4g} mW/cm2 of stray light at all levels, "
-                               "which slicecorr tune found.",
-                               result.x[2] * std::exp(-result.x[1])));
+                   fmt::format("# Measured light and {:+.4g} {} of stray light at all levels, "
+                               "which slicecorr tune found{}.",
+                               result.x[2] * std::exp(-result.x[1]),
+                               is_relative(printer) ? "of full light" : "mW/cm2",
+                               is_relative(printer) ? "; in shares of both at the brightest" : ""));
+  if (!result.resin_before.empty()) {
+    edit.set("provenance", kTunedFromResin, toml_text(result.resin_before));
+  }
   if (result.lift_exchange) {
     const auto at = [](const TuneMatrix& m) { return std::sqrt(m[kExchange][kExchange]); };
     edit.set("process", "lift_exchange", toml_number(*result.lift_exchange));

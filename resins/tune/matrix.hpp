@@ -6,6 +6,7 @@
 
 #include <Eigen/Dense>
 #include <array>
+#include <cmath>
 
 #include "slicecorr/resins/tune.hpp"
 
@@ -17,6 +18,9 @@ inline constexpr std::array<const char*, kTuned> kTunedNames = {"ha", "light", "
 inline constexpr std::size_t kStray = 2, kExchange = 3;
 
 inline constexpr int kUnknowns = static_cast<int>(kTuned);
+/// The light of a brightest level that was 1, with the stray light that was found.
+inline double full_light(const TuneVector& x) { return 1 + x[kStray] * std::exp(-x[1]); }
+
 using TunedMatrix = Eigen::Matrix<double, kUnknowns, kUnknowns>;
 using TunedVector = Eigen::Matrix<double, kUnknowns, 1>;
 

@@ -12,6 +12,7 @@
 #include "slicecorr/cure.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/kinetics.hpp"
+#include "slicecorr/light_unit.hpp"
 #include "slicecorr/resins/tune.hpp"
 #include "slicecorr/test_part.hpp"
 #include "slicecorr/tuning_part.hpp"
@@ -108,8 +109,8 @@ void add_gain(NextPart& next, const MeasuredPart& part, const Known& known) {
     return fmt::format("{:.2g} -> {:.2g}", unit * std::sqrt(known.covariance[i][i]),
                        unit * std::sqrt(gain.covariance[i][i]));
   };
-  next.text += fmt::format("ha {} %, light {} %, stray {} mW/cm²", both(0, 196), both(1, 196),
-                           both(kStray, 1.96));
+  next.text += fmt::format("ha {} %, light {} %, stray {} {}", both(0, 196), both(1, 196),
+                           both(kStray, 1.96), unit_of_light(known.printer.unit));
   // Parts that tell nothing of it leave it as it was, but for rounding.
   if (gain.covariance[kExchange][kExchange] < 0.99 * known.covariance[kExchange][kExchange]) {
     next.text += fmt::format(", exchange {}", both(kExchange, 1.96));

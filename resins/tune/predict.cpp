@@ -10,6 +10,7 @@
 #include "slicecorr/dose_derivatives.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/kinetics.hpp"
+#include "slicecorr/light_unit.hpp"
 #include "slicecorr/resins/tune.hpp"
 #include "slicecorr/units.hpp"
 #include "tune/matrix.hpp"
@@ -123,7 +124,8 @@ double tuned_exchange(const Printer& printer, const TuneVector& x) {
 
 Resin tuned_resin(const Resin& resin, const TuneVector& x) {
   Resin r = resin;
-  const double height = std::exp(x[0]), areal = std::exp(-resin.m * x[1]);
+  const double height = std::exp(x[0]);
+  const double areal = std::exp(-resin.m * x[1]) / (is_relative(resin) ? full_light(x) : 1);
   r.absorbance_height10_um *= height;
   r.active_absorption_per_cm /= height;
   r.critical_dose_mj_cm3 *= areal / height;
@@ -138,6 +140,10 @@ Printer tuned_printer(const Printer& printer, double /*m*/, const TuneVector& x)
   // Light counts exp(kappa) times: stray light is added to what the file says.
   for (CalibrationPoint& c : p.calibration) {
     c.intensity_mw_cm2 = std::max(0.0, c.intensity_mw_cm2 + x[kStray] * std::exp(-x[1]));
+  }
+  if (is_relative(p)) {
+    for (CalibrationPoint& c : p.calibration) c.intensity_mw_cm2 /= full_light(x);
+    p.calibration.back().intensity_mw_cm2 = 1;
   }
   if (x[kExchange] != 0) p.lift_exchange = tuned_exchange(printer, x);
   return p;

@@ -20,7 +20,15 @@ namespace slicecorr::resins {
 
 namespace {
 
-constexpr double kSd = 0.1, kLightSd = 0.03, kStraySd = 0.3, kExchangeSd = 0.3;
+constexpr double kSd = 0.1, kLightSd = 0.03, kStraySd = 0.3, kStraySdOfFull = 0.01,
+                 kExchangeSd = 0.3;
+
+/// In words: "stray light 0.3 mW/cm²".
+std::string stray_known(LightUnit unit) {
+  return unit == LightUnit::mw_cm2
+             ? fmt::format("stray light {:g} mW/cm²", kStraySd)
+             : fmt::format("stray light {:g} of the brightest level's", kStraySdOfFull);
+}
 
 /// Takes "[[1, 2, 3], [4, 5, 6], [7, 8, 9]]" as the covariance of the first `size` unknowns.
 void take_matrix(const std::string& text, const std::string& source, std::size_t size,
@@ -49,12 +57,14 @@ void take_matrix(const std::string& text, const std::string& source, std::size_t
 
 }  // namespace
 
-TunePrior default_prior() {
+TunePrior default_prior(LightUnit unit) {
+  const double stray = unit == LightUnit::mw_cm2 ? kStraySd : kStraySdOfFull;
   return {{{{kSd * kSd, 0, 0, 0},
             {0, kSd * kSd, 0, 0},
-            {0, 0, kStraySd * kStraySd, 0},
+            {0, 0, stray * stray, 0},
             {0, 0, 0, kExchangeSd * kExchangeSd}}},
-          "ha 10 %, light over dose 10 %, stray light 0.3 mW/cm² (nothing better is known)"};
+          fmt::format("ha 10 %, light over dose 10 %, {} (nothing better is known)",
+                      stray_known(unit))};
 }
 
 TunePrior foreign_prior(double height_sd, double light_sd) {
@@ -72,7 +82,7 @@ TunePrior prior_of(const std::string& resin_text, const std::string& resin_sourc
                    const Printer& printer) {
   const toml::table root = parse_toml(resin_text, resin_source);
   const auto provenance = TomlTable(root, resin_source).table("provenance");
-  TunePrior prior = default_prior();
+  TunePrior prior = default_prior(printer.unit);
   if (!provenance) return prior;
   if (provenance->has("tuning")) {
     const std::string text = provenance->text("tuning", "");
@@ -100,7 +110,7 @@ TunePrior prior_of(const std::string& resin_text, const std::string& resin_sourc
   prior.covariance[0][0] = u.variance(ha, ha);
   prior.covariance[1][1] = u.variance(dc, dc) + kLightSd * kLightSd;
   prior.covariance[0][1] = prior.covariance[1][0] = -u.variance(ha, dc);
-  prior.text = "the covariance in the resin's file, light 3 %, stray light 0.3 mW/cm²";
+  prior.text = "the covariance in the resin's file, light 3 %, " + stray_known(printer.unit);
   if (provenance->has("tuning")) {
     prior.text += " (it was tuned with another printer or calibration)";
   }

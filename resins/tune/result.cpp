@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "slicecorr/kinetics.hpp"
+#include "slicecorr/light_unit.hpp"
 #include "slicecorr/resins/tune.hpp"
 #include "slicecorr/units.hpp"
 #include "tune/matrix.hpp"
@@ -29,9 +30,10 @@ std::string TuneResult::to_text(const Printer& printer, const Resin& resin,
   relative("absorbance height, um", resin.absorbance_height10_um, after.absorbance_height10_um, 0);
   relative("light over dose", 1, std::exp(x[1]), 1);
   const double stray = x[2] * std::exp(-x[1]);
-  out += fmt::format("{:26} {:10.4g} -> {:10.4g}   {:+13.4g} mW/cm²   {:.2g} -> {:.2g} mW/cm²\n",
-                     "stray light, mW/cm²", 0.0, stray, stray, 1.96 * sd(prior.covariance, 2),
-                     1.96 * sd(covariance, 2));
+  const char* const unit = is_relative(printer) ? "of full" : "mW/cm²";
+  out += fmt::format("{:26} {:10.4g} -> {:10.4g}   {:+13.4g} {}   {:.2g} -> {:.2g} {}\n",
+                     fmt::format("stray light, {}", unit), 0.0, stray, stray, unit,
+                     1.96 * sd(prior.covariance, 2), 1.96 * sd(covariance, 2), unit);
   const auto dose = [](const Resin& r) {
     return make_kinetics(r, false, true).critical_dose_prime;
   };
@@ -43,10 +45,10 @@ std::string TuneResult::to_text(const Printer& printer, const Resin& resin,
   }
   out += fmt::format(
       "\nwhich makes: dose aimed at {:.5g} -> {:.5g} (areal), absorbance base 10; printer's black "
-      "{:.4g} -> {:.4g}, full {:.4g} -> {:.4g} mW/cm²\n",
+      "{:.4g} -> {:.4g}, full {:.4g} -> {:.4g} {}\n",
       dose(resin), dose(after), printer.calibration.front().intensity_mw_cm2,
       shines.calibration.front().intensity_mw_cm2, printer.calibration.back().intensity_mw_cm2,
-      shines.calibration.back().intensity_mw_cm2);
+      shines.calibration.back().intensity_mw_cm2, unit);
   out += fmt::format("{} edges and plugs, {:.1f} um rms from what this prints; gain {:.2f} nat\n",
                      used, rms_um, gain_nat);
   if (!lift_exchange) {

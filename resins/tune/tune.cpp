@@ -144,10 +144,12 @@ void check_part(const MeasuredPart& part, const std::vector<double>& expected, d
                    ratios.end());
   const double middle = ratios[ratios.size() / 2];
   if (middle < 0.02 || middle > 50) {
-    throw InputError(part.source, "measured_um",
-                     fmt::format("is {:.3g} times what was to be expected in the middle; expected "
-                                 "lengths in um",
-                                 middle));
+    throw InputError(
+        part.source,
+        part.edges.front().kind == MeasuredKind::plug ? "cured_height_um" : "measured_um",
+        fmt::format("is {:.3g} times what was to be expected in the middle; expected "
+                    "lengths in um{}",
+                    middle, middle < 0.02 ? ": are these mm?" : ""));
   }
 }
 
@@ -173,9 +175,7 @@ TuneResult tune(const std::vector<MeasuredPart>& parts, const Printer& printer, 
                      "resinctl derive made for the intensities of the printer");
   }
   refuse_bleaching(resin, "what parts tell of a resin");
-  // What is known of stray light before is.
-  refuse_relative(printer, "tuning");
-  refuse_relative(resin, "tuning");
+  check_same_unit(printer, resin);
   check_prior(prior);
   if (!(sigma_um > 0) || !std::isfinite(sigma_um)) {
     throw InputError(fmt::format("edges are measured to {:g} um; expected more than 0", sigma_um));

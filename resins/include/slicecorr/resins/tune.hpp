@@ -7,7 +7,9 @@
 /// Unknowns are x = (ln ha, kappa, stray, exchange): the absorbance height with the areal dose held, kappa =
 /// ln(light / areal Dc), which prints can't tell apart, light on top of all levels, mW/cm², and the
 /// share of the liquid resin that a lift exchanges (docs/lifts.md), which prints layer by layer alone tell;
-/// all as changes of what the files say, the share where the printer's does not of `exchange_before`. With the covariance S0 before and measurements of standard
+/// all as changes of what the files say, the share where the printer's does not of `exchange_before`. Where
+/// light is told in shares of the brightest level's (light_unit.hpp), stray light and all fields that are
+/// named for mW count these; what is found is told in shares of the new brightest light. With the covariance S0 before and measurements of standard
 /// deviation sigma whose derivatives by x are J, the information after is
 ///
 ///     A = inv(S0) + J'J / sigma²,     gain = 1/2 ln(det S0 det A)   in nat
@@ -65,13 +67,21 @@ struct TuningTable {
 /// for rows that are not those of the part that the table names.
 TuningTable read_tuning_table(const std::string& path);
 
+/// A short mark of what was measured on a part, by which the same measurements are known again whatever
+/// their file is called.
+std::string mark_of(const MeasuredPart& part);
+/// Throws `InputError` where the text of a resin's file notes one of these marks: what was measured once
+/// would count twice.
+void check_not_counted(const std::string& resin_text, const std::string& resin_source,
+                       const std::vector<MeasuredPart>& parts);
+
 struct TunePrior {
   TuneMatrix covariance{};
   std::string text;   ///< where it comes from, in words
   TuneVector mean{};  ///< the most probable x before
 };
-/// ha 10 %, kappa 10 %, stray light 0.3 mW/cm², exchange 0.3.
-TunePrior default_prior();
+/// ha 10 %, kappa 10 %, stray light 0.3 mW/cm² or 0.01 of the brightest level's, exchange 0.3.
+TunePrior default_prior(LightUnit unit = LightUnit::mw_cm2);
 /// Of a resin that others measured: `height_sd` and `light_sd` of the logarithms of ha and kappa, the rest as
 /// above.
 TunePrior foreign_prior(double height_sd, double light_sd);
@@ -89,7 +99,8 @@ double exchange_before(const Printer& printer);
 /// The share as x says it: above 0, at most 1.
 double tuned_exchange(const Printer& printer, const TuneVector& x);
 
-/// Resin and printer as x says them: the change of light is given to the resin's dose.
+/// Resin and printer as x says them: the change of light is given to the resin's dose. Where the printer's
+/// brightest level is 1 it stays so: stray light brightens the unit itself, of both.
 Resin tuned_resin(const Resin& resin, const TuneVector& x);
 Printer tuned_printer(const Printer& printer, double m, const TuneVector& x);
 
@@ -124,6 +135,10 @@ struct TuneResult {
   /// files stay as they are.
   std::optional<LightSpread> spread{};
   std::optional<double> scatter_um2_per_um{}, uv_beta{};
+  /// `mark_of` the parts that were counted: `resin_with_tuning` notes them.
+  std::vector<std::string> counted{};
+  /// The name of the resin that goes on as another one: `printer_with_tuning` notes it; empty: nothing.
+  std::string resin_before{};
   /// What was known, what is found, and by how much that changes printer and resin.
   std::string to_text(const Printer& printer, const Resin& resin, const TunePrior& prior) const;
 };

@@ -274,6 +274,11 @@ TEST_F(DefinitionFiles, ShippedOnesParseAndAreFoundByName) {
       EXPECT_THAT(refusal([&] { load_printer(name); }), testing::HasSubstr("to be measured"));
     }
   }
+  // Half of a name finds all that have it.
+  set("SLICECORR_DB", SLICECORR_DB_DIR);
+  EXPECT_THAT(refusal([&] { load_resin("benchy"); }),
+              testing::HasSubstr("no resin 'benchy'; did you mean 'benchy-resin'?"));
+  unsetenv("SLICECORR_DB");
   for (const auto& entry : fs::directory_iterator(SLICECORR_DB_DIR)) {
     if (entry.path().extension() != ".toml") continue;
     ++resins;

@@ -121,6 +121,7 @@ TEST_F(FirstDay, WhatWasMeantIsSaid) {
   // The ladder has 4 x 2 x 2.5 mm, the display 8 x 6 mm.
   bad(2, slice + kLayers + Command{"--scale", "3"},
       {"at 0.666 times this size, a longest side of 7.9 mm, it fits"});
+  bad(2, slice + kLayers + Command{"--scale", "1e12"}, {"e-12 times this size"});
   bad(2, slice + kLayers + Command{"--center-mm", "0,0"}, {"; in the middle it fits"});
   // What is told fits.
   good(slice + kLayers + Command{"--scale", "1.998"});

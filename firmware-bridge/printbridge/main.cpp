@@ -257,7 +257,7 @@ int print(const Options& o, const ExecutionContext& context, Console& console) {
   check_latch(o, folder, machine);
   const Material material = material_of(o, machine, context);
   const PrintPlan& plan = material.plan;
-  console.say(fmt::format("{}: {}, about {}", o.stack,
+  console.say(fmt::format("{}: {}, about {} once the machine is ready", o.stack,
                           material.beams ? fmt::format("images on {} displays at once",
                                                        material.beams->shown.displays.size())
                                          : in_words(plan),
@@ -304,7 +304,7 @@ int print(const Options& o, const ExecutionContext& context, Console& console) {
   }
   if (end.fault == Fault::none) {
     console.say(fmt::format(
-        "printed {} frames in {}{}; at most {} late, the stage at most {} off, {} cycles missed; "
+        "printed {} frames in {}{}, from the first order on; at most {} late, the stage at most {} off, {} cycles missed; "
         "page: {}",
         end.frames_shown, minutes(end.seconds), o.dry_run ? " without light" : "",
         way_in_words(std::max(0.0, end.worst_late_um), plan.um_per_deg),

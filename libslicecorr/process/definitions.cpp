@@ -260,6 +260,16 @@ std::string find_definition(const std::string& name, std::string_view kind) {
     throw InputError(fmt::format("no {0} '{1}'; did you mean '{2}'? Looked for {1}.toml in {3}",
                                  kind, name, near, looked));
   }
+  // Half of a name, as people call it.
+  std::string longer;
+  for (const std::string_view known_name : names) {
+    if (known_name.find(name) == std::string_view::npos) continue;
+    longer += fmt::format("{}'{}'", longer.empty() ? "" : " or ", known_name);
+  }
+  if (!longer.empty()) {
+    throw InputError(fmt::format("no {0} '{1}'; did you mean {2}? Looked for {1}.toml in {3}", kind,
+                                 name, longer, looked));
+  }
   throw InputError(fmt::format("no {0} '{1}'; looked for {1}.toml in {2}; known {0}s: {3}", kind,
                                name, looked, known.empty() ? "none" : known));
 }

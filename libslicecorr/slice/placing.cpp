@@ -75,13 +75,18 @@ std::string what_fits(const PartBox& box, double display_x, double display_y) {
   if (as_it_is >= 1) return "; in the middle it fits";
   if (turned >= 1) return "; turned by 90 degrees about z it fits";
   // Rounded down, so that what is told fits.
-  const double most = std::floor(std::max(as_it_is, turned) * 1000) / 1000;
+  const double share_of = std::max(as_it_is, turned);
+  const double step = std::pow(10.0, std::floor(std::log10(share_of)) - 2);
+  const double most = std::floor(share_of / step) * step;
   const double longest = std::max({box.size(0), box.size(1), box.size(2)});
   std::string text =
-      fmt::format("; at {:g} times this size, a longest side of {:.1f} mm, it fits{}", most,
+      fmt::format("; at {:.3g} times this size, a longest side of {:.1f} mm, it fits{}", most,
                   std::floor(most * longest * 10) / 10,
                   turned > as_it_is ? ", turned by 90 degrees about z" : "");
-  if (most < 0.02) text += ". Is the file in micrometres?";
+  if (most < 0.02) {
+    // A micrometre is a thousandth; more is no unit that files have.
+    text += most >= 2e-5 ? ". Is the file in micrometres?" : ". Are its units and the scale right?";
+  }
   return text;
 }
 

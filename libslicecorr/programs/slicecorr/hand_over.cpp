@@ -21,7 +21,7 @@ void become(const std::string& program, char** argv) {
   std::error_code error;
   const auto here = std::filesystem::read_symlink("/proc/self/exe", error);
   const std::string path = (here.parent_path() / program).string();
-  argv[0] = const_cast<char*>(path.c_str());  // execv changes none of them
+  // What it says of errors is said by the program that was typed: argv[0] stays that.
   execv(path.c_str(), argv);
   throw InputError(
       path, "",

@@ -110,6 +110,17 @@ int slice_plate(const Arguments& a, const ExecutionContext& context, Console& co
 
 }  // namespace
 
+namespace {
+
+/// How long a stack prints by what its file says: formats of printers have lifts of their own, also where
+/// nobody named any.
+PrintTime written_time(StackInfo info, const std::string& path) {
+  if (!info.lift_times) info.lift_times = StackReader::read_info(path).lift_times;
+  return print_time(info);
+}
+
+}  // namespace
+
 int correct(const Arguments& a, const ExecutionContext& context, Console& console) {
   StackFile file = a.file();
   check_output(a.output, a.with_left_alone({a.input}));
@@ -142,7 +153,7 @@ int correct(const Arguments& a, const ExecutionContext& context, Console& consol
     if (!a.json.empty()) print_or_write(a.json, figures_json(c.after));
     if (a.json == "-") return;
     console.say(fmt::format("{}: {} slices, print time {}\n{}{}", a.output, c.info.grid.layers,
-                            print_time_in_words(print_time(c.info)),
+                            print_time_in_words(written_time(c.info, a.output)),
                             summary(c.after, c.before) + lifts_line(file.format, setup.process),
                             more));
   };
@@ -227,7 +238,7 @@ int run_plate(const Arguments& a, const Setup& setup, const ExecutionContext& co
   console.say(fmt::format(
       "{3}, {0}.html, {0}.json: {1} slices, print time {4}\n{2}", base, result.info.grid.layers,
       summary(result.after, result.before) + lifts_line(format_of(a.file()), setup.process),
-      a.output, print_time_in_words(print_time(result.info))));
+      a.output, print_time_in_words(written_time(result.info, a.output))));
   return kDone;
 }
 

@@ -541,6 +541,13 @@ TEST_F(FarmLocal, StatusTellsWhatThereIs) {
   r = farm("status", {"--state", "done"});
   EXPECT_THAT(r.out, HasSubstr("2 done"));
   EXPECT_THAT(r.out, HasSubstr("largest height error"));
+  // One alone: what it came to, and where that is.
+  r = farm("status", {"2"});
+  EXPECT_THAT(r.out, testing::StartsWith("job 2 bridge-2: done\n"));
+  EXPECT_THAT(r.out, HasSubstr(job(2).output("uvj") + "\n"));
+  EXPECT_EQ(json::parse(farm("status", {"2", "--json", "-"}).out)["name"], "bridge-2");
+  EXPECT_EQ(farm("status", {"3"}).exit_code, 2);
+  EXPECT_EQ(farm("status", {"2", "--state", "done"}).exit_code, 2);
 }
 
 /// Printers whose display is uneven, mirrored or turned: the setup in the order says all of it.

@@ -164,7 +164,7 @@ void ServiceLoop::settle(const Running& r, Settled settled) {
   switch (settled) {
     case Settled::done:
       ++totals_.done;
-      tell("done");
+      say(fmt::format("job {} {}: done, in {}", r.job.id, r.job.name, r.job.output_folder));
       break;
     case Settled::put_back:
       ++totals_.put_back;

@@ -145,6 +145,13 @@ int discover(const MachineCommand& o, cli::Console& console) {
                         list.dump(-1, ' ', false, decltype(list)::error_handler_t::replace));
     if (o.json == "-") return cli::kDone;
   }
+  if (found.empty()) {
+    console.say(fmt::format(
+        "no machine answered within {:g} s; others than SDCP, PrusaLink and OctoPrint machines are "
+        "added by their address",
+        o.wait_s));
+    return cli::kDone;
+  }
   std::vector<std::vector<std::string>> rows;
   rows.reserve(found.size());
   for (const FoundMachine& f : found) {

@@ -10,8 +10,10 @@
 #include "commands.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/farm/queue.hpp"
+#include "slicecorr/farm/read_model.hpp"
 #include "slicecorr/farm/service.hpp"
 #include "slicecorr/farm/work.hpp"
+#include "slicecorr/verdict.hpp"
 
 namespace slicecorr::farm {
 
@@ -48,15 +50,39 @@ std::unique_ptr<Engine> make_engine(RunArguments& a, const FarmFolder& folder,
   return make_slurm_engine(a.slurm);
 }
 
+/// Names jobs that ended since then and do not print as designed, or are to be looked at.
+void tell_verdicts(const FarmFolder& folder, std::int64_t since_ms, cli::Console& console) {
+  constexpr std::int64_t kMost = 20;
+  JobFilter filter;
+  filter.states = {JobState::done};
+  filter.ended_since_ms = since_ms;
+  filter.order = JobFilter::Order::ended;
+  filter.limit = 100'000;
+  std::int64_t found = 0;
+  for (const Job& job : ReadModel(folder.database()).jobs(filter)) {
+    const auto& verdict = job.figures ? job.figures->verdict : std::nullopt;
+    if (!verdict || verdict->outcome == name_of(Outcome::as_designed)) continue;
+    if (++found <= kMost) {
+      console.say(fmt::format("job {} {}: {}", job.id, job.name, verdict->words));
+    }
+  }
+  if (found > kMost) {
+    console.say(fmt::format("{} more that are not as designed: slicefarm status names them",
+                            found - kMost));
+  }
+}
+
 int run_command(RunArguments& a, const ExecutionContext& context, cli::Console& console) {
   const FarmFolder folder = a.farm.open();
   const std::unique_ptr<Engine> engine = make_engine(a, folder, context);
   ServiceOptions options;
   options.until_empty = a.until_empty;
   options.say = [&](const std::string& text) { console.say(text); };
+  const std::int64_t began_ms = system_clock().wall_ms();
   const ServiceTotals t = run_service(folder, *engine, options, *context.cancel);
   console.say(
       fmt::format("{} done, {} of them from the cache; {} failed", t.done, t.from_cache, t.failed));
+  if (a.until_empty) tell_verdicts(folder, began_ms, console);
   if (cli::interrupted()) return cli::kInterrupted;
   // Without --until-empty a service ends because it was told to, and that is no failure of it.
   return a.until_empty && t.failed > 0 ? cli::kMissed : cli::kDone;

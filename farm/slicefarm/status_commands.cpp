@@ -21,6 +21,7 @@ struct StatusOptions {
   FarmOptions farm;
   std::vector<std::string> states;
   std::string json, order;
+  JobId id = 0;  ///< 0: all
   JobFilter filter;
 };
 
@@ -31,7 +32,39 @@ int terminal_columns() {
   return known ? size.ws_col : 0;
 }
 
+/// The head of what is told of a job: what it is, what it came to, and where that is.
+std::string job_in_words(const Job& job) {
+  std::string text = fmt::format("job {} {}: {}\n", job.id, job.name, name_of(job.state));
+  if (!job.message.empty()) text += job.message + "\n";
+  if (job.figures) text += in_words(*job.figures) + "\n";
+  if (job.state == JobState::done) {
+    for (const ResultFile& f : job.files) text += job.output(f.ending) + "\n";
+  } else {
+    text += fmt::format("results come into {}\n", job.output_folder);
+  }
+  return text;
+}
+
+Job known_job(ReadModel& model, JobId id) {
+  auto job = model.job(id);
+  if (!job) throw InputError(fmt::format("job {} is not known", id));
+  return *std::move(job);
+}
+
+int status_of_one(const StatusOptions& o) {
+  const FarmFolder folder = o.farm.existing();
+  ReadModel model(folder.database());
+  const Job job = known_job(model, o.id);
+  if (!o.json.empty()) {
+    cli::print_or_write(o.json, job_json(job));
+    if (o.json == "-") return cli::kDone;
+  }
+  cli::print_result(job_in_words(job));
+  return cli::kDone;
+}
+
 int status(StatusOptions& o) {
+  if (o.id > 0) return status_of_one(o);
   const FarmFolder folder = o.farm.existing();
   for (const std::string& name : o.states) {
     o.filter.states.push_back(*job_state_named(name));
@@ -61,12 +94,10 @@ int logs(const LogOptions& o) {
   constexpr std::int64_t most_bytes = 64 << 20;
   const FarmFolder folder = o.farm.existing();
   ReadModel model(folder.database());
-  const auto job = model.job(o.id);
-  if (!job) throw InputError(fmt::format("job {} is not known", o.id));
+  const Job job = known_job(model, o.id);
   std::string text;
   if (o.attempt == 0) {
-    text = fmt::format("job {} {}: {}\n", job->id, job->name, name_of(job->state));
-    if (!job->message.empty()) text += job->message + "\n";
+    text = job_in_words(job);
     for (const FarmEvent& e : model.events(0, 10'000, o.id)) {
       text += fmt::format("{}  {:<13} {}{}{}\n", local_time_text(e.at_ms), e.kind,
                           name_of(e.reason), e.reason == Reason::none ? "" : ": ", e.text);
@@ -97,6 +128,9 @@ void add_status_commands(cli::Program& program) {
     CLI::App* app = program.add("status", "What is queued, running, done and failed",
                                 [o](const ExecutionContext&, cli::Console&) { return status(*o); });
     o->farm.add_to(*app);
+    CLI::Option* const one =
+        app->add_option("ID", o->id, "Only this job: what it came to, and where its results are")
+            ->check(cli::number_in(1, 9e15));
     app->add_option("--state", o->states,
                     "Only jobs in these states: queued,running,done,failed,cancelled")
         ->delimiter(',')
@@ -118,6 +152,10 @@ void add_status_commands(cli::Program& program) {
     app->add_option("--offset", o->filter.offset,
                     "Leave out this many jobs before the first one shown")
         ->check(CLI::NonNegativeNumber);
+    for (const char* const of_many :
+         {"--state", "--user", "--label", "--batch", "--find", "--order", "--limit", "--offset"}) {
+      app->get_option(of_many)->excludes(one);
+    }
     app->add_option("--json", o->json, "Write JSON to this file; - for stdout");
   }
   {

@@ -13,6 +13,7 @@
 #include "programs/common/part_slices.hpp"
 #include "programs/common/setup_options.hpp"
 #include "programs/common/tomo_options.hpp"
+#include "slicecorr/farm/read_model.hpp"
 #include "slicecorr/farm/submit.hpp"
 #include "slicecorr/farm/work.hpp"
 #include "submit/fields.hpp"
@@ -221,10 +222,17 @@ int submit_command(const SubmitArguments& a, const ExecutionContext& context,
   const std::string ids = done.ids.size() == 1
                               ? fmt::format("job {}", done.ids[0])
                               : fmt::format("jobs {} to {}", done.ids.front(), done.ids.back());
-  console.say(fmt::format("{} queued{}", ids,
+  const auto first = ReadModel(folder.database()).job(done.ids.front());
+  const std::string where =
+      first ? fmt::format("; results{} come into {}",
+                          done.ids.size() == 1 ? "" : fmt::format(" of job {}", first->id),
+                          first->output_folder)
+            : std::string();
+  console.say(fmt::format("{} queued{}{}", ids,
                           done.done_from_cache > 0 ? fmt::format(", {} of them done from the cache",
                                                                  done.done_from_cache)
-                                                   : ""));
+                                                   : "",
+                          where));
   return cli::kDone;
 }
 

@@ -104,8 +104,8 @@ TEST_F(ShrinkageProgram, AScanFindsItAndTheNextPrintIsMadeForIt) {
   const RunResult r = good({"tune", "--scan", "printed.ply", "--stack", "part.uvj", "--printer",
                             "small.toml", "--resin", "plain.toml", "-o", "tuned.toml", "--next",
                             "part2.uvj", "--target", "hook.stl"});
-  EXPECT_THAT(r.out,
-              AllOf(HasSubstr("slices of meshes count it"), HasSubstr("not sought in scans")));
+  EXPECT_THAT(r.out, AllOf(HasSubstr("slices of meshes count it"),
+                           HasSubstr("not sought: light that spreads")));
   const json made = info("part2.uvj")["made_for"];
   EXPECT_NEAR(made["plane_per_cent"].get<double>(), 2, 0.3) << r.out;
   EXPECT_NEAR(made["z_per_cent"].get<double>(), 3, 0.3) << r.out;

@@ -122,7 +122,7 @@ void check_heights(CheckedFile& definition) {
     const auto um = definition.number(table, key);
     if (!um || !(*um > 0) || *um >= kLeastUm) continue;
     definition.add(
-        definition.line_of(table, key), definition.full(table, key),
+        definition.line_of(table, key), full_key(table, key),
         fmt::format(
             "is {:g} um, less than any resin is known to have; is it {:g} mm, which are {:g} um?",
             *um, *um, *um * 1000),

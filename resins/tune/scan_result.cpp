@@ -14,6 +14,9 @@ namespace slicecorr::resins {
 
 namespace {
 
+/// Share of the deviations beyond which an answer is doubted.
+constexpr double kMostUnexplained = 0.1;
+
 /// What of these prints was taken for what the files say, and what tells it.
 std::string not_sought(const ScanTuneResult& r, const Printer& printer) {
   std::string what;
@@ -69,10 +72,16 @@ std::string ScanTuneResult::to_text(const Printer& printer, const Resin& resin,
       "\n{} points of {} scan{}, {} left out (beside the part, or where the surface comes and goes); noise of a point "
       "{:.3g} um\n",
       points, registrations.size(), registrations.size() == 1 ? "" : "s", left_out, noise_um);
+  const double share =
+      before_um > 0 ? std::min(1.0, after_um * after_um / (before_um * before_um)) : 0.0;
   out += fmt::format(
       "the surface is off by {:.3g} um rms before and {:.3g} um after: {:.3g} % of it stays unexplained\n",
-      before_um, after_um,
-      before_um > 0 ? 100 * std::min(1.0, after_um * after_um / (before_um * before_um)) : 0.0);
+      before_um, after_um, 100 * share);
+  if (share > kMostUnexplained) {
+    out +=
+        "more than a tenth stays unexplained: something else is off, and what was found may stand for it; don't print by "
+        "the new files before you know what (scan compare shows where)\n";
+  }
   if (tuned.shrinkage) {
     out += fmt::format("the resin {}: slices of meshes count it from now on\n",
                        shrinkage_in_words(*tuned.shrinkage));

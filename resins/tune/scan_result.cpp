@@ -15,7 +15,7 @@ namespace slicecorr::resins {
 namespace {
 
 /// Share of the deviations beyond which an answer is doubted.
-constexpr double kMostUnexplained = 0.1;
+constexpr double kDoubtedShare = 0.1;
 
 /// What of these prints was taken for what the files say, and what tells it.
 std::string not_sought(const ScanTuneResult& r, const Printer& printer) {
@@ -77,7 +77,7 @@ std::string ScanTuneResult::to_text(const Printer& printer, const Resin& resin,
   out += fmt::format(
       "the surface is off by {:.3g} um rms before and {:.3g} um after: {:.3g} % of it stays unexplained\n",
       before_um, after_um, 100 * share);
-  if (share > kMostUnexplained) {
+  if (share > kDoubtedShare) {
     out +=
         "more than a tenth stays unexplained: something else is off, and what was found may stand for it; don't print by "
         "the new files before you know what (scan compare shows where)\n";

@@ -94,14 +94,18 @@ class Help:
             elif section == "Positionals" and entry:
                 self.places.append(words)
             elif section and entry and entry[1].startswith("-"):
-                names = re.sub(r":?\{[^}]*\}", "", entry[1]).split(",")
+                # A word that may be left out stands in brackets behind =.
+                optional = re.search(r"\[=([^\]]*)\]", entry[1])
+                if optional:
+                    words = optional[1].split(",")
+                names = re.sub(r":?\{[^}]*\}|\[=[^\]]*\]", "", entry[1]).split(",")
                 name = names[-1]
                 self.options |= {n for n in names if n.startswith("--")}
                 self.texts[name] = entry[3] or ""
                 if words:
                     self.words[name] = words
                     # A flag that takes a word has it behind =.
-                    if "{" in entry[1] or entry[2].startswith(" :{"):
+                    if optional or "{" in entry[1] or entry[2].startswith(" :{"):
                         self.attached.add(name)
                 elif re.match(r" (INT|FLOAT)\b", entry[2]):
                     self.numbers.append(name)

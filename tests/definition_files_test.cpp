@@ -308,9 +308,9 @@ TEST(UnreadWords, EachIsNamedWithItsLine) {
       parse_printer(slips, "p.toml").unread.sentences,
       ElementsAre(
           "p.toml:1: speling: unknown key. It counts for nothing",
-          "p.toml:14: stage.travl_mm: unknown key; did you mean 'travel_mm'? It counts for nothing",
-          "p.toml:15: lamps.red: unknown table. It counts for nothing",
-          "p.toml:18: lamps.blue.min_shar: unknown key; did you mean 'min_share'? It counts for nothing"));
+          "p.toml:15: stage.travl_mm: unknown key; did you mean 'travel_mm'? It counts for nothing",
+          "p.toml:16: lamps.red: unknown table. It counts for nothing",
+          "p.toml:19: lamps.blue.min_shar: unknown key; did you mean 'min_share'? It counts for nothing"));
   EXPECT_THAT(
       parse_resin("m = 2\n" + kResin, "r.toml").unread.sentences,
       ElementsAre(

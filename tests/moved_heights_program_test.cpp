@@ -186,7 +186,7 @@ TEST_F(MovedProgram, JobsOfTheFarmTakeHeights) {
   // What can't be written is refused before the night, and by `run` and `slice` before the work.
   refused("adaptive_um = [20, 100]\nformat = \"sl1\"",
           "can't say that layers are of different heights; expected a format that can");
-  refused("format = \"lgs\"", "only changed, not made from nothing");
+  refused("format = \"lgs\"\nmode = \"continuous\"", "only changed, not made from nothing");
   for (const Command& command : {Command{"run", "part.stl"} + kWith,
                                  Command{"slice", "part.stl", "--printer", "small.toml"}}) {
     bad(2, command + Command{"-o", "x.sl1", "--layers", "heights.csv"},

@@ -42,7 +42,7 @@ TEST_F(UnreadWordsProgram, AreToldByWhoReadsTheFile) {
         Command{"correct", "out-target.uvj", "-o", "again.uvj"} + kSlip + kSpeed,
         Command{"verify", "out.uvj", "--target", "out-target.uvj"} + kSlip + kSpeed,
         Command{"slice", "ladder.stl", "-o", "sliced.uvj", "--layer-um", "50"} + kSlip,
-        Command{"test-part", "exposure", "-o", "part.uvj", "--speed-mm-h", "800"} + kSlip}) {
+        Command{"testpart", "staircase", "-o", "part.uvj"} + kSlip}) {
     const RunResult r = call(command);
     EXPECT_THAT(r.err, HasSubstr(kOfPrinter)) << ::testing::PrintToString(command) << r.exit_code;
     EXPECT_THAT(r.err, HasSubstr(kOfResin)) << ::testing::PrintToString(command) << r.exit_code;

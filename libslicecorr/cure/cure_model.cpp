@@ -378,24 +378,6 @@ std::vector<Feature> features_of(const CureModel& model) {
   return features;
 }
 
-namespace {
-
-/// Slices of more absorbance heights than this let less than a part in 1e20 of the light pass: no grey
-/// reaches the next one, and no lamp makes up for it.
-constexpr double kMostHeightsInSlice = 20;
-
-/// A height in mm where um are expected is the likeliest cause of a resin that lets no light pass.
-void check_height(const Resin& resin, double layer_um) {
-  const double um = resin.absorbance_height10_um;
-  if (!(layer_um > kMostHeightsInSlice * um)) return;
-  throw InputError(fmt::format(
-      "resin '{}' has an absorbance height of {:g} um: {:.0f} of them are in a layer of {:g} um, which then "
-      "lets no light pass; expected at least {:g} um: is it {:g} mm, which are {:g} um?",
-      resin.name, um, layer_um / um, layer_um, layer_um / kMostHeightsInSlice, um, um * 1000));
-}
-
-}  // namespace
-
 CureModel make_cure_model(const Printer& printer, const Resin& resin, const Process& process,
                           double layer_um, const PlaceLight& light) {
   refuse_turbidity(resin, "printing slice by slice");
@@ -411,7 +393,6 @@ CureModel make_cure_model(const Printer& printer, const Resin& resin, const Proc
     return make_cure_model(mean, resin, process, layer_um, light);
   }
   check_supported(printer, resin, process);
-  check_height(resin, layer_um);
   const double factor = light.factor * usual_light_share(process);
   const Printer lit = factor == 1 ? printer : dimmed(printer, factor);
   const std::vector<double> intensities =

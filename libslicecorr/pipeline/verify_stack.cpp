@@ -20,6 +20,7 @@
 #include "pipeline/printed_bodies.hpp"
 #include "pipeline/vanished.hpp"
 #include "predict/plane_edges.hpp"
+#include "slicecorr/absorbance_in_layer.hpp"
 #include "slicecorr/dead_zone.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/even_dead_zone.hpp"
@@ -381,6 +382,7 @@ void check_same_voxels(const Grid& stack, const Grid& target) {
 
 Prediction verify_stack(const SliceSource& stack, const SliceSource& target, const Setup& setup,
                         const ExecutionContext& context) {
+  check_absorbance_height(setup.resin, target.grid().layer_um);
   check_same_voxels(stack.grid(), target.grid());
   refuse_recording(target);
   const detail::ShownSlices slices(stack, setup.printer, setup.resin, setup.process);

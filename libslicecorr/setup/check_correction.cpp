@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "slicecorr/absorbance_in_layer.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/setup.hpp"
 #include "slicecorr/supports.hpp"
@@ -181,6 +182,7 @@ void check_correction(const Setup& setup, const DesignHas& design) {
 }
 
 Setup setup_to_correct(const SliceSource& target, Setup setup, const ExecutionContext& context) {
+  check_absorbance_height(setup.resin, target.grid().layer_um);
   check_correction(setup, {target.left_alone() != nullptr, target.doses() != nullptr});
   const char* const heights = leave_out_heights(setup.printer, setup.resin, setup.process);
   if (heights && target.edge_heights()) context.tell(heights);

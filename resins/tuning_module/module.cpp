@@ -3,6 +3,7 @@
 
 // slicecorr-tuning.so (tuning_call.hpp).
 
+#include <array>
 #include <memory>
 #include <nlohmann/json.hpp>
 
@@ -52,9 +53,11 @@ Definition definition_of(const Json& request, const std::string& kind) {
 
 Json findings_json(const std::vector<ScanFinding>& findings) {
   // In the order of `ScanInput`.
-  constexpr const char* names[kScanInputs] = {
-      "absorbance_height_ln", "light_over_dose_ln", "stray_light_mw_cm2", "lift_exchange",
-      "shrinkage_plane",      "shrinkage_z",        "walls_mm",           "first_layers_mm"};
+  constexpr auto names = std::to_array<const char*>(
+      {"absorbance_height_ln", "light_over_dose_ln", "stray_light_mw_cm2", "lift_exchange",
+       "shrinkage_plane", "shrinkage_z", "walls_mm", "first_layers_mm", "spread_um",
+       "scatter_um2_per_um", "uv_beta_ln"});
+  static_assert(names.size() == kScanInputs);
   Json json = Json::object();
   for (std::size_t i = 0; i < findings.size() && i < kScanInputs; ++i) {
     const ScanFinding& f = findings[i];

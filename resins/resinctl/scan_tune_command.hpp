@@ -38,7 +38,7 @@ struct PrinterToTune {
   std::string output;  ///< empty: is not written
 };
 void write_tuned(const ResinToTune& resin, const PrinterToTune& printer,
-                 const resins::TuneResult& found, cli::Console& console);
+                 const resins::TuneResult& told, cli::Console& console);
 
 /// What scans of the stacks would tell, before there are any.
 int forecast_scans_command(const cli::TuneOptions& a, const ExecutionContext& context);

@@ -221,7 +221,8 @@ std::vector<BlurredLight> blurred_light(const Printer& printer, const Resin& res
   double weights = 0;
   for (const SpreadGaussian& g : gaussians) weights += g.weight;
   std::vector<BlurredLight> terms;
-  for (const auto& [variance_mm2, depth] : scattered_light(resin, places)) {
+  for (const auto& [variance_mm2, its_depth] : scattered_light(resin, places)) {
+    const auto& depth = its_depth;  // lambdas take no bindings
     for (const SpreadGaussian& g : gaussians) {
       const auto square = [](double v) { return v * v; };
       const double columns = square(g.sigma_um / (printer.pixel_x_um * places.wide)) +

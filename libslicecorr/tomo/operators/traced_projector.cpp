@@ -48,6 +48,7 @@ class TracedProjector final : public Projector {
     parallel_for({}, "", frames->size(), [&](std::size_t m) {
       const double th = step * static_cast<double>(m);
       std::vector<double> turns;
+      turns.reserve(static_cast<std::size_t>(angles));
       for (int k = 0; k < angles; ++k) turns.push_back(th + step * ((k + 0.5) / angles - 0.5));
       (*frames)[m] = frame_of(strips, turns);
     });

@@ -87,7 +87,6 @@ class LevelSum final : public DirectSum {
  public:
   explicit LevelSum(const Judged& judged)
       : judged_(judged),
-        job_(judged.job),
         printer_(judged.job.printer),
         bench_(judged.bench),
         schedule_(judged.schedule),
@@ -331,7 +330,6 @@ class LevelSum final : public DirectSum {
   }
 
   const Judged judged_;
-  const TomoJob& job_;
   const Printer& printer_;
   const Bench& bench_;
   const Schedule& schedule_;

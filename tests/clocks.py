@@ -26,6 +26,7 @@ import time
 import urllib.request
 
 import kills_parts
+from cases import add_options, run_cases
 from docs_machine_faults import box_stl
 from kills_parts import LIGHT, SPEED, Programs, sha256
 
@@ -281,26 +282,12 @@ def main():
     parser.add_argument("--bin", required=True)
     parser.add_argument("--stop-s", type=float, default=3)
     parser.add_argument("--jobs", type=int, default=12)
-    parser.add_argument("--json", help="also write the lines here")
-    parser.add_argument("cases", nargs="*", metavar="CASE")
+    add_options(parser)
     options = parser.parse_args()
     if not libfaketime():
         print("clocks: no libfaketime (scripts/setup installs it)", file=sys.stderr)
         return 77
-    wrong = 0
-    for name in options.cases or CASES:
-        case = Case(options)
-        try:
-            CASES[name](case)
-        finally:
-            case.end()
-        line = {"case": name, **case.told, "wrong": case.wrong}
-        wrong += len(case.wrong)
-        print(json.dumps(line), flush=True)
-        if options.json:
-            with open(options.json, "a") as file:
-                file.write(json.dumps(line) + "\n")
-    return 1 if wrong else 0
+    return run_cases(options, CASES, lambda: Case(options), lambda ask, case: ask(case), lambda case: case.told)
 
 
 if __name__ == "__main__":

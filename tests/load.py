@@ -31,6 +31,7 @@ import time
 
 import kills_parts
 import load_queue
+from cases import add_options, run_cases
 from docs_machine_faults import box_stl
 from kills_parts import LIGHT, SPEED, Programs
 
@@ -328,23 +329,9 @@ def main():
     parser.add_argument("--seconds", type=float, default=5)
     parser.add_argument("--upload-mb", type=int, default=4)
     parser.add_argument("--prints", type=int, default=9)
-    parser.add_argument("--json", help="also write the lines here")
-    parser.add_argument("cases", nargs="*", metavar="CASE")
+    add_options(parser)
     options = parser.parse_args()
-    wrong = 0
-    for name in options.cases or CASES:
-        case = Case(options)
-        try:
-            CASES[name](case)
-        finally:
-            case.end()
-        line = {"case": name, **case.told, "wrong": case.wrong}
-        wrong += len(case.wrong)
-        print(json.dumps(line), flush=True)
-        if options.json:
-            with open(options.json, "a") as file:
-                file.write(json.dumps(line) + "\n")
-    return 1 if wrong else 0
+    return run_cases(options, CASES, lambda: Case(options), lambda ask, case: ask(case), lambda case: case.told)
 
 
 if __name__ == "__main__":

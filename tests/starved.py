@@ -22,6 +22,7 @@ import tempfile
 import time
 
 import kills_parts
+from cases import add_options, run_cases
 from docs_machine_faults import box_stl
 from kills_parts import LIGHT, SPEED, Programs, hidden, sha256
 
@@ -238,23 +239,11 @@ def main():
     parser.add_argument("--bin", required=True)
     parser.add_argument("--step", type=int, default=1)
     parser.add_argument("--most", type=int, default=120)
-    parser.add_argument("--json", help="also write the lines here")
-    parser.add_argument("cases", nargs="*", metavar="CASE")
+    add_options(parser)
     options = parser.parse_args()
-    wrong = 0
-    for name in options.cases or CASES:
-        case = Case(options.bin)
-        try:
-            CASES[name](case, options.step, options.most)
-        finally:
-            case.end()
-        line = {"case": name, "said why": case.said, "enough": case.enough, "wrong": case.wrong}
-        wrong += len(case.wrong)
-        print(json.dumps(line), flush=True)
-        if options.json:
-            with open(options.json, "a") as file:
-                file.write(json.dumps(line) + "\n")
-    return 1 if wrong else 0
+    return run_cases(options, CASES, lambda: Case(options.bin),
+                     lambda ask, case: ask(case, options.step, options.most),
+                     lambda case: {"said why": case.said, "enough": case.enough})
 
 
 if __name__ == "__main__":

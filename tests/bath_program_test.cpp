@@ -286,6 +286,17 @@ TEST_F(Bath, SupportsAreLeftAlone) {
   const RunResult told = good(run + kProcess + Command{"--leave-alone", "supports.stl"});
   EXPECT_NE(told.err.find("voxels left alone"), std::string::npos) << told.err;
   const json proof = json::parse(to_text(read_file(folder_ / "out.json")));
+  // What was left alone lies beside the stack, and whoever measures it finds it there.
+  EXPECT_NE(told.err.find("out-left-alone.uvj: what was left alone"), std::string::npos)
+      << told.err;
+  EXPECT_EQ(told.err.find("touches nothing"), std::string::npos) << told.err;
+  const json again = json::parse(good({"verify", "out.uvj", "--json", "-"}).out);
+  for (const char* key : {"left_alone_voxels", "cure_through_voxels", "undercure_voxels", "gaps",
+                          "height_error_um"}) {
+    EXPECT_EQ(again[key], proof[key]) << key;
+  }
+  good({"section", "out.uvj", "-o", "out.svg"});
+  good({"simulate", "out.uvj", "--x", "80", "--y", "60", "-o", "out.csv"});
   // Both are placed together: the raft, six slices, lies below the ladder's 50.
   const auto shown = images("out.uvj");
   EXPECT_GE(shown.size(), 56U);

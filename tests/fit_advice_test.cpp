@@ -246,6 +246,36 @@ TEST(Advice, OneRatioCannotTellBetaFromItsHeight) {
   EXPECT_GT(fit(data, d.model, d.options).value("beta"), 0);
 }
 
+TEST(Advice, ExponentThatOneExposureHardlyTellsIsThatOfTheResin) {
+  // A made-up laboratory: m 0.95, beta 0.8, 40 um of UV light, 1.5 um of scatter, 60 s each. Any exponent from 0.16 to 2
+  // fits, and the best of them, 0.29, would make exposures under UV light 15 times longer.
+  const std::map<double, std::array<double, 3>> measured = {
+      {15.0, {110.1, 111.4, 110.3}}, {18.4, {101.3, 102.5, 99.3}}, {22.5, {90.8, 89.8, 90.6}},
+      {27.6, {79.0, 79.9, 80.5}},    {33.8, {72.6, 72.9, 69.2}},   {41.4, {60.6, 62.7, 58.8}},
+      {50.7, {51.7, 52.3, 54.3}},    {62.1, {44.1, 42.6, 42.6}},   {76.1, {33.5, 36.2, 33.2}},
+      {93.3, {24.2, 25.2, 24.5}},    {114.3, {15.2, 13.8, 15.5}},  {140.0, {5.7, 8.1, 7.3}}};
+  Measurements data;
+  for (const auto& [blue, zones] : measured) {
+    for (const double um : zones) {
+      DeadZone zone;
+      zone.blue_mw_cm2 = blue;
+      zone.uv_mw_cm2 = 200;
+      zone.exposure_s = 60;
+      zone.dead_zone_um = um;
+      data.dead_zones.push_back(zone);
+    }
+  }
+  FitOptions options;
+  options.hb_um = 389.7673;
+  options.m = 0.9448115;
+  options.critical_dose_prime = 69.58752;
+  const FitResult r = fit(data, FitModel::dead_zone_transient, options);
+  EXPECT_EQ(r.value("m"), options.m);
+  EXPECT_THAT(r.warnings, Contains(HasSubstr("m can't be known, and was held at 0.9448")));
+  EXPECT_NEAR(r.value("beta") / 0.8, 1, 0.05);
+  EXPECT_NEAR(r.value("huv_um") / 40, 1, 0.05);
+}
+
 TEST(Advice, ExposuresOfDPrimeHideTheExponent) {
   test::Design d = test::transient_design();
   // (D'c / t)^(1/m) is 1 whatever m is.

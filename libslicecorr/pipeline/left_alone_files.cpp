@@ -55,6 +55,20 @@ MeshInLayers slices_of(const std::string& path, const SliceSource& target,
   }
 }
 
+/// Supports that stand beside the part hold nothing.
+void tell_apart(const SliceSource& target, const SliceSource& left, const std::string& path,
+                const ExecutionContext& context) {
+  const PixelBox a = left.bounds(), b = target.bounds();
+  if (a.empty() || b.empty()) return;
+  const bool touch = a.x0 <= b.x1 && b.x0 <= a.x1 && a.y0 <= b.y1 && b.y0 <= a.y1;
+  if (touch) return;
+  const auto in_words = [](const PixelBox& box) {
+    return fmt::format("x {} to {}, y {} to {}", box.x0, box.x1 - 1, box.y0, box.y1 - 1);
+  };
+  context.tell(fmt::format("{}: touches nothing of the part: it lies at pixels {}, the part at {}",
+                           path, in_words(a), in_words(b)));
+}
+
 /// Throws `InputError` where what is left alone has layers at other places than the target.
 void check_same_heights(const SliceSource& target, const SliceSource& left,
                         const std::string& path) {
@@ -139,6 +153,7 @@ LeftAloneFiles::LeftAloneFiles(const SliceSource& target, const std::vector<std:
       check_same_heights(target, *slices, path);
     }
     impl->fitted.push_back(FittedSlices::like(target, *slices, scratch_folder, context));
+    tell_apart(target, *impl->fitted.back(), path, context);
     all.push_back({&*impl->fitted.back(), path, mesh});
   }
   if (!inside.files.empty()) {

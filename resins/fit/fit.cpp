@@ -30,6 +30,25 @@ struct Doubt {
   bool certain = false;  ///< no height depends on it alone
 };
 
+/// Close to the first gel the front's law bends so much that symmetric intervals miss the truth on one side. Other laws are
+/// linear in disguise.
+bool is_bent(const PreparedFit& s) {
+  return s.problem.loss == Loss::none &&
+         (s.model == FitModel::dead_zone_transient || s.model == FitModel::joint);
+}
+
+/// The 95 % interval of an active unknown reaches so far from its value on its wider side, in inner units.
+double half_interval(const PreparedFit& s, const Solution& solution, const Diagnosis& d,
+                     std::size_t active_index) {
+  const double t = student_t_quantile(0.975, d.freedom);
+  const double half = t * d.stderr_inner(active_index);
+  if (!is_bent(s) || !(d.variance > 0)) return half;
+  const Unknown& u = s.problem.unknowns[d.active[active_index]];
+  const double best = solution.inner[d.active[active_index]];
+  const auto [low, high] = profile_interval(s, solution, d, active_index, t);
+  return std::max(half, std::max(best - u.inner(low), u.inner(high) - best));
+}
+
 /// Half an interval wider than 1 says nothing: theory has exponents from 1/2 to 1.
 Doubt unknown_exponent(const PreparedFit& s, const Solution& solution, const FitOptions& options) {
   const Diagnosis d = diagnose(s.problem, solution, true);
@@ -44,7 +63,7 @@ Doubt unknown_exponent(const PreparedFit& s, const Solution& solution, const Fit
     }
     // A bound that was asked for is knowledge from elsewhere.
     if (d.freedom <= 0 || options.bounds.contains(name)) continue;
-    const double half = student_t_quantile(0.975, d.freedom) * d.stderr_inner(k);
+    const double half = half_interval(s, solution, d, k);
     if (half > widest) {
       widest = half;
       worst = {name, false};
@@ -75,10 +94,7 @@ bool clearly_worse(const PreparedFit& smaller, const Solution& less, const Prepa
 void fill_parameters(const PreparedFit& s, const Solution& solution, const Diagnosis& d,
                      FitResult& result) {
   const double t = d.freedom > 0 ? student_t_quantile(0.975, d.freedom) : kUnknownNumber;
-  // Close to the first gel the front's law bends so much that symmetric intervals miss the truth on
-  // one side. Other laws are linear in disguise.
-  const bool bent = s.problem.loss == Loss::none &&
-                    (s.model == FitModel::dead_zone_transient || s.model == FitModel::joint);
+  const bool bent = is_bent(s);
   for (const auto& kind : s.parameters) {
     Parameter p;
     p.name = kind.unknown.name;

@@ -26,10 +26,18 @@ FittedSlices fit_for_output(const SliceSource& slices, const StackFile& file,
                                    context);
 }
 
-std::string target_beside(const std::string& stack) {
+namespace {
+
+std::string beside(const std::string& stack, const char* what) {
   const std::filesystem::path path(stack);
-  return (path.parent_path() / (path.stem().string() + "-target.uvj")).string();
+  return (path.parent_path() / (path.stem().string() + what)).string();
 }
+
+}  // namespace
+
+std::string target_beside(const std::string& stack) { return beside(stack, "-target.uvj"); }
+
+std::string left_alone_beside(const std::string& stack) { return beside(stack, "-left-alone.uvj"); }
 
 Correction make_part(const SliceSource& target, Setup setup, const StackFile& file,
                      const std::string& base, const std::string& title,

@@ -20,6 +20,9 @@ FittedSlices fit_for_output(const SliceSource& slices, const StackFile& file,
 /// Where `run` leaves the target of a stack: BASE-target.uvj beside BASE.uvj.
 std::string target_beside(const std::string& stack);
 
+/// Where `run` leaves what it left alone, as slices: BASE-left-alone.uvj beside BASE.uvj.
+std::string left_alone_beside(const std::string& stack);
+
 /// Corrects `target` into `file`, and writes the figures (BASE.json: the prediction, with that of
 /// the uncorrected part under "uncorrected", and the time of the print) and the report (BASE.html), which gets this title.
 /// `corrected` is called, when given, when all is computed but the report. Of the three files each

@@ -16,6 +16,7 @@
 #include "programs/common/make_part.hpp"
 #include "programs/common/setup_options.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/left_alone.hpp"
 #include "slicecorr/light_unit.hpp"
 #include "slicecorr/report.hpp"
 #include "slicecorr/simulate.hpp"
@@ -67,6 +68,7 @@ struct Input {
   std::optional<StackReader> given;
   Setup setup;
   std::optional<FittedSlices> fitted;
+  std::optional<LeftAloneFiles> part;
   const SliceSource* target = nullptr;
 
   Input(const SimulateOptions& o, const SetupOptions& options, const ExecutionContext& context)
@@ -84,8 +86,16 @@ struct Input {
     if (const std::string path = beside ? left : o.target; !path.empty()) {
       given.emplace(design(path), folder_of(o.output), context);
       fitted.emplace(FittedSlices::like(stack, *given, folder_of(o.output), context));
-      target = &**fitted;
-      check_target(stack, stack.info(), *target, path, given->pixel_sum(), context);
+      std::vector<std::string> left_alone;
+      if (const std::string kept = left_alone_beside(o.stack);
+          path == left && std::filesystem::exists(kept)) {
+        left_alone.push_back(kept);
+      }
+      part.emplace(**fitted, left_alone, MeshesLeftAlone{}, setup.printer, folder_of(o.output),
+                   context);
+      target = &**part;
+      check_target(stack, stack.info(), *target, path,
+                   left_alone.empty() ? std::optional(given->pixel_sum()) : std::nullopt, context);
     } else if (stack.info().kind == StackKind::target) {
       target = &stack;  // a target shown as it is
     }

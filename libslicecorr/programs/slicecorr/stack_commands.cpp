@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -190,17 +191,27 @@ int run(const Arguments& given, const ExecutionContext& context, Console& consol
 
 namespace {
 
-/// Leaves the design of a stack beside it, by which verify, section and report measure.
-void leave_target(const SliceSource& slices, const Arguments& a, const std::string& path,
-                  const ExecutionContext& context, Console& console) {
+/// Leaves slices of the plate beside a stack, for the programs that measure it, and says what they are.
+void leave_beside(const SliceSource& slices, const Arguments& a, const std::string& path,
+                  const std::string& what, const ExecutionContext& context, Console& console) {
   const LayerHeights heights = wanted_heights(a);
   const StackFile file(path);
   heights.alike() ? write_target(slices, file, context)
                   : write_target(slices, heights, file, context);
-  console.say(fmt::format(
-      "{}: the design as sliced ({}), by which verify, section and report measure "
-      "{}",
-      path, text::bytes(static_cast<double>(std::filesystem::file_size(path))), a.output));
+  console.say(fmt::format("{}: {} ({}), by which verify, section and report measure {}", path, what,
+                          text::bytes(static_cast<double>(std::filesystem::file_size(path))),
+                          a.output));
+}
+
+/// What a stack holds that was left alone.
+void leave_left_alone(const PartSlices& slices, const Arguments& a, const Printer& printer,
+                      const std::string& path, const ExecutionContext& context, Console& console) {
+  if (a.leave_alone.empty()) return;
+  ExecutionContext told = context;  // what is told of these files was told when they were corrected
+  told.notice = nullptr;
+  const LeftAloneFiles on_plate(*slices, a.leave_alone, slices.place(), printer,
+                                folder_of(a.output), told);
+  leave_beside(*(*on_plate).left_alone(), a, path, "what was left alone", context, console);
 }
 
 int run_plate(const Arguments& a, const Setup& setup, const ExecutionContext& context,
@@ -212,9 +223,11 @@ int run_plate(const Arguments& a, const Setup& setup, const ExecutionContext& co
     check_output(path, a.with_left_alone(a.mesh.files()));
     check_output(path, a.doses.inputs());
   }
-  const std::string design_path = target_beside(a.output);
-  check_output(design_path, a.with_left_alone(a.mesh.files()));
-  check_output(design_path, a.doses.inputs());
+  const std::string design_path = target_beside(a.output), left_path = left_alone_beside(a.output);
+  for (const std::string& path : {design_path, left_path}) {
+    check_output(path, a.with_left_alone(a.mesh.files()));
+    check_output(path, a.doses.inputs());
+  }
   const PartSlices slices(
       a.mesh, setup.printer,
       {LayerHeights(setup.process.layer_heights_um), setup.process.surface, a.leave_alone},
@@ -231,10 +244,13 @@ int run_plate(const Arguments& a, const Setup& setup, const ExecutionContext& co
   const WantedDoses wanted(a.doses, *part, setup.printer, a.mesh, &slices.cuts(), a.missing(),
                            folder_of(a.output), context);
   const Correction result = with_dose_words(setup, [&] {
-    return make_part(*wanted, setup, a.file(), base, title_of(a.output), context);
+    // What an older stack of this name left alone goes before the new one comes.
+    return make_part(*wanted, setup, a.file(), base, title_of(a.output), context,
+                     [&] { ::unlink(left_path.c_str()); });
   });
   // The verdict comes last.
-  leave_target(*slices, a, design_path, context, console);
+  leave_beside(*slices, a, design_path, "the design as sliced", context, console);
+  leave_left_alone(slices, a, setup.printer, left_path, context, console);
   console.say(fmt::format(
       "{3}, {0}.html, {0}.json: {1} slices, print time {4}\n{2}", base, result.info.grid.layers,
       summary(result.after, result.before) + lifts_line(format_of(a.file()), setup.process),

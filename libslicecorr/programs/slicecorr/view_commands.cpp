@@ -25,10 +25,15 @@ namespace slicecorr::cli::commands {
 
 namespace {
 
-/// `a` with the target that `run` left beside the stack, where none is named. Throws `InputError`, saying
-/// how to come by one.
+/// `a` with the target that `run` left beside the stack, where none is named, and what it left alone. Throws
+/// `InputError`, saying how to come by one.
 Arguments with_target(Arguments a) {
   namespace fs = std::filesystem;
+  const bool its_own = a.target.empty() || a.target == target_beside(a.input);
+  if (const std::string kept = left_alone_beside(a.input);
+      its_own && a.leave_alone.empty() && a.inside.empty() && fs::exists(kept)) {
+    a.leave_alone = {kept};
+  }
   const std::string left = target_beside(a.input);
   if (!a.target.empty()) {
     if (fs::exists(a.target) || !fs::exists(left)) return a;
@@ -334,7 +339,9 @@ int solid(const Arguments& a, const ExecutionContext& context, Console& console)
   if (!a.target.empty()) {
     const StackReader target = a.open(design(a.target), folder_of(a.output), context);
     const FittedSlices fitted = FittedSlices::like(stack, target, folder_of(a.output), context);
-    check_target(stack, stack.info(), *fitted, a.target, target.pixel_sum(), context);
+    const bool all = !std::filesystem::exists(left_alone_beside(a.input));
+    check_target(stack, stack.info(), *fitted, a.target,
+                 all ? std::optional(target.pixel_sum()) : std::nullopt, context);
     const bool alike = target.info().layer_heights_um.empty();
     figures["design_volume_mm3"] = !alike ? coverage_mm3(target, context)
                                           : static_cast<double>(target.pixel_sum()) / 255.0 *

@@ -12,6 +12,7 @@
 
 #include "slicecorr/bodies.hpp"
 #include "slicecorr/predict.hpp"
+#include "slicecorr/uncertain_print.hpp"
 
 namespace slicecorr {
 namespace {
@@ -52,6 +53,39 @@ void expect(const Prediction& p, Outcome outcome, const std::string& words) {
 
 TEST(PrintVerdictTest, WhatIsAsDesigned) {
   expect(perfect(), Outcome::as_designed, "Prints as designed. 95 % of edges lie within 0.25 um.");
+}
+
+TEST(PrintVerdictTest, NoFigureIsFinerThanAnyPrint) {
+  Prediction p = perfect();
+  p.height_error_um = {};
+  p.height_error_um.add(5.1e-5);
+  expect(p, Outcome::as_designed, "Prints as designed. 95 % of edges lie within 0.1 um.");
+  p.height_error_um = {};
+  p.height_error_um.add(0);
+  p.layerwise.emplace();
+  expect(p, Outcome::as_designed,
+         "Prints as designed. No edge lies over a gap, and light moves no other.");
+}
+
+TEST(PrintVerdictTest, WhatOtherExchangesAtLiftsDoIsTold) {
+  Prediction p = perfect();
+  p.layerwise.emplace();
+  p.joints.emplace();
+  p.joints->exchanged_max_um = 222;
+  p.joints->staying_max_um = 624;
+  expect(p, Outcome::as_designed,
+         "Prints as designed. 95 % of edges lie within 0.25 um. That is where lifts exchange no "
+         "resin, which nobody said: where they exchange all of it edges over gaps are up to 222 um "
+         "off.");
+  p.joints->exchange = 0.5;
+  expect(
+      p, Outcome::as_designed,
+      "Prints as designed. 95 % of edges lie within 0.25 um. That is where lifts exchange a "
+      "share of 0.5 of the resin: where they exchange all of it edges over gaps are up to 222 um "
+      "off, where none 624 um.");
+  // How sure it is was asked for, and is told.
+  p.uncertain = std::make_shared<UncertainPrint>();
+  EXPECT_EQ(verdict_of(p).words.find("That is where"), std::string::npos);
 }
 
 TEST(PrintVerdictTest, SinglePlacesAreToBeLookedAt) {

@@ -43,8 +43,12 @@ void tell_shortcomings(const Prediction& p, const CureModel& model, const Proces
   } else if (p.cure_through_voxels + p.undercure_voxels > 0) {
     context.tell(fmt::format(
         "{} voxels will still cure through and {} stay undercured: no choice of the {} grey levels "
-        "was found that avoids it; one level moves an edge by up to {:.3g} um",
-        p.cure_through_voxels, p.undercure_voxels, levels, model.level_step_um()));
+        "was found that avoids it; {}",
+        p.cure_through_voxels, p.undercure_voxels, levels,
+        p.left_alone_voxels > 0
+            ? std::string("gaps that light of what is left alone reaches may be among them, and "
+                          "that light stays as it is")
+            : fmt::format("one level moves an edge by up to {:.3g} um", model.level_step_um())));
   }
   if (p.joints && p.joints->not_holding_voxels > 0) {
     context.tell(fmt::format(

@@ -192,6 +192,7 @@ void JointWalker::finish(JointFigures& figures) {
       join(c.candidate);
     }
   }
+  figures_.exchange = model_.lifts->exchange;
   figures.merge(figures_);
 }
 

@@ -125,6 +125,7 @@ void JointFigures::merge(const JointFigures& o) {
   exchanged_max_um = std::max(exchanged_max_um, o.exchanged_max_um);
   staying_error_um.merge(o.staying_error_um);
   staying_max_um = std::max(staying_max_um, o.staying_max_um);
+  if (o.exchange) exchange = o.exchange;
 }
 
 void Prediction::merge(const Prediction& o) {

@@ -73,9 +73,32 @@ std::string place(const Prediction& p) {
 }
 
 std::string edges(const Prediction& p) {
-  if (p.design_error_um().count() == 0) return {};
+  const Histogram& error_um = p.design_error_um();
+  if (error_um.count() == 0) return {};
+  // Layer by layer the other edges are where the window stands.
+  if (p.layerwise && !(error_um.greatest() > 0)) {
+    return " No edge lies over a gap, and light moves no other.";
+  }
+  // No print and no measurement tells a tenth of a micrometre.
   return fmt::format(" 95 % of edges lie within {} um.",
-                     to_digits(p.design_error_um().quantile(0.95), 2));
+                     to_digits(std::max(0.1, error_um.quantile(0.95)), 2));
+}
+
+/// A share that lifts exchange is measured, and never to the last digit; or nobody said one.
+std::string with_other_exchange(const Prediction& p) {
+  if (!p.joints || p.uncertain) return {};
+  const double all_um = p.joints->exchanged_max_um, none_um = p.joints->staying_max_um;
+  if (std::max(all_um, none_um) < std::max(1.0, 2 * p.design_error_um().greatest())) return {};
+  if (!p.joints->exchange) {
+    return fmt::format(
+        " That is where lifts exchange no resin, which nobody said: where they exchange all of it "
+        "edges over gaps are up to {} um off.",
+        to_digits(all_um, 3));
+  }
+  return fmt::format(
+      " That is where lifts exchange a share of {:g} of the resin: where they exchange all of it "
+      "edges over gaps are up to {} um off, where none {} um.",
+      *p.joints->exchange, to_digits(all_um, 3), to_digits(none_um, 3));
 }
 
 /// Why it does not hold on the platform, or holds on the window.
@@ -238,7 +261,8 @@ PrintVerdict verdict_of(const Prediction& p) {
         p.flow ? " Whether it sticks before its flow is steady is not judged here: "
                  "follow the print in time."
                : "";
-    return {Outcome::as_designed, "Prints as designed." + edges(p) + flows};
+    return {Outcome::as_designed,
+            "Prints as designed." + edges(p) + with_other_exchange(p) + flows};
   }
   std::string words = off.empty() ? "Prints as designed but for what to look at: "
                                   : off + (found.empty() ? "" : "; ");
@@ -247,7 +271,7 @@ PrintVerdict verdict_of(const Prediction& p) {
   for (std::size_t i = 0; i < std::min(found.size(), kMost); ++i) {
     words += (i > 0 ? "; " : "") + found[i];
   }
-  return {Outcome::look, words + "." + place(p)};
+  return {Outcome::look, words + "." + place(p) + with_other_exchange(p)};
 }
 
 }  // namespace slicecorr

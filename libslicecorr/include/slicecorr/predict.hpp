@@ -145,6 +145,8 @@ struct JointFigures {
   /// The same where no lift exchanges any.
   Histogram staying_error_um;
   double staying_max_um = 0;
+  /// `LiftModel::exchange` of the print that all other figures are of.
+  std::optional<double> exchange{};
   void merge(const JointFigures& other);
 };
 

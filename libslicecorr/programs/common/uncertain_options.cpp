@@ -25,7 +25,7 @@ void UncertainOptions::add_to(CLI::App& app, bool correcting) {
   app.add_flag(
       "--robust", robust,
       "Let no feature vanish and no gap fill, as far as that is possible, even where each input of "
-      "--uncertain is off by its number to either side (continuous, without UV light)");
+      "--uncertain is off by its number to either side");
 }
 
 void UncertainOptions::add_map_to(CLI::App& app) {

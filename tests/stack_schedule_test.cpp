@@ -88,6 +88,48 @@ TEST(StackSchedule, FormatIsOneAsLongAsNothingNewIsUsed) {
   }
 }
 
+TEST(StackSchedule, LiftsOfAnArchiveStay) {
+  Process p = test::layerwise(2);
+  p.bottom_exposure_s = 14;
+  p.bottom_layers = 2;
+  StackInfo info = corrected(p);
+  LiftTimes lifts;
+  lifts.normal.up_mm = 3;
+  lifts.normal.up_mm_s = 1.25;
+  lifts.normal.up_2_mm = 4;
+  lifts.normal.up_2_mm_s = 4;
+  lifts.normal.back_mm_s = 3.5;
+  lifts.bottom.up_mm = 5;
+  lifts.bottom.up_mm_s = lifts.bottom.back_mm_s = 1;
+  lifts.bottom.before_light_s = 2.5;
+  lifts.bottom_layers = 2;
+  // Those of a printer file are the machine's own.
+  info.lift_times = lifts;
+  EXPECT_EQ(json::parse(write_uvj_config(info, {7}))["Properties"]["Exposure"]["LiftHeight"], 0);
+  info.lift_times->by_archive = true;
+  const std::string text = write_uvj_config(info, {7});
+  const json config = json::parse(text);
+  const json& normal = config["Properties"]["Exposure"];
+  EXPECT_EQ(normal["LiftHeight"], 7);
+  EXPECT_NEAR(normal["LiftSpeed"], 60 * 7 / (3 / 1.25 + 4 / 4.), 1e-9);
+  EXPECT_NEAR(normal["RetractSpeed"], 60 * 3.5, 1e-9);
+  EXPECT_EQ(normal["LightOffTime"], 0);
+  EXPECT_EQ(config["Properties"]["Bottom"]["LiftHeight"], 5);
+  EXPECT_NEAR(config["Properties"]["Bottom"]["LightOffTime"], 5 + 5 + 2.5, 1e-9);
+  json bottom = config["Properties"]["Bottom"];
+  bottom.erase("Count");
+  EXPECT_EQ(config["Layers"][0]["Exposure"], bottom);
+  EXPECT_EQ(config["Layers"][2]["Exposure"], normal);
+  // A stopwatch shows the same, but for the way that the second stage comes back by a layer less.
+  const StackInfo back = parse_uvj_config(text, "x.uvj").info;
+  ASSERT_TRUE(back.lift_times);
+  for (const int layer : {0, 2}) {
+    EXPECT_NEAR(dark_time(back.lift_times->of(layer), 50).all_s(),
+                dark_time(info.lift_times->of(layer), 50).all_s(), 0.051)
+        << layer;
+  }
+}
+
 TEST(StackSchedule, LayersSayTheirExposure) {
   Process p = test::layerwise(2);
   p.bottom_exposure_s = 14;

@@ -26,12 +26,35 @@ std::string dump(const OrderedJson& json, int indent) {
   return json.dump(indent, ' ', false, OrderedJson::error_handler_t::replace);
 }
 
-/// Exposure without lifts: in continuous mode there are none, and layer by layer they are the
-/// printer's own.
-OrderedJson exposure_json(double light_on_s, int pwm = 255) {
-  return {{"LightOnTime", light_on_s}, {"LightOffTime", 0}, {"LightPWM", pwm},
-          {"LiftHeight", 0},           {"LiftSpeed", 0},    {"RetractHeight", 0},
-          {"RetractSpeed", 0}};
+/// An exposure, and what the platform does after it where the archive that the slices are of said that: a
+/// way up and one back, each at the mean speed of its stages; waits are in the time without light. Elsewhere
+/// there are no lifts, in continuous mode, or they are the printer's own.
+OrderedJson exposure_json(double light_on_s, int pwm = 255, const LiftMotion& lift = {}) {
+  LiftMotion moves = lift;
+  moves.before_lift_s = moves.after_lift_s = moves.before_light_s = moves.light_off_s =
+      moves.tilt_s = moves.acceleration_mm_s2 = 0;
+  const double up_mm = lift.up_mm + lift.up_2_mm;
+  // The whole way back: UVJ has no layer's height in it.
+  const DarkTime moving = dark_time(moves, 0), all = dark_time(lift, 0);
+  const bool waits = all.all_s() > moving.all_s() * (1 + 1e-9);
+  const auto per_min = [&](double seconds) { return seconds > 0 ? 60 * up_mm / seconds : 0.0; };
+  if (!(up_mm > 0)) {
+    return {{"LightOnTime", light_on_s}, {"LightOffTime", 0}, {"LightPWM", pwm},
+            {"LiftHeight", 0},           {"LiftSpeed", 0},    {"RetractHeight", 0},
+            {"RetractSpeed", 0}};
+  }
+  return {{"LightOnTime", light_on_s},
+          {"LightOffTime", waits ? all.all_s() : 0.0},
+          {"LightPWM", pwm},
+          {"LiftHeight", up_mm},
+          {"LiftSpeed", per_min(moving.lift_s)},
+          {"RetractHeight", up_mm},
+          {"RetractSpeed", per_min(moving.return_s)}};
+}
+
+/// Nothing where no archive said it.
+LiftMotion lift_of(const StackInfo& info, int layer) {
+  return info.lift_times && info.lift_times->by_archive ? info.lift_times->of(layer) : LiftMotion{};
 }
 
 int pwm_of(const SliceLight& light) { return static_cast<int>(std::lround(255 * light.share)); }
@@ -48,8 +71,9 @@ OrderedJson properties_json(const StackInfo& info, double light_on_s, double bot
                           {"Y", mm_of_um(grid.height_px * grid.pixel_y_um)}}},
                         {"Layers", grid.layers},
                         {"LayerHeight", mm_of_um(grid.layer_um)}};
-  properties["Exposure"] = exposure_json(light_on_s, pwm(grid.layers - 1));
-  properties["Bottom"] = exposure_json(bottom_s, pwm(0));
+  properties["Exposure"] =
+      exposure_json(light_on_s, pwm(grid.layers - 1), lift_of(info, grid.layers - 1));
+  properties["Bottom"] = exposure_json(bottom_s, pwm(0), lift_of(info, 0));
   properties["Bottom"]["Count"] = bottom_layers;
   properties["AntiAliasLevel"] = 1;
   return properties;
@@ -200,14 +224,18 @@ std::string write_uvj_config(const StackInfo& info, const ImageChecksums& checks
   // One line per layer, joined as text: a tree of a million layers would fill the memory.
   text += ",\n\"Layers\": [";
   SliceLight shown{-1, -1};
+  LiftMotion lifted;
   std::string exposure;
   const bool own_heights = has_own_heights(info);
   double z_um = 0;
   for (int n = 0; n < info.grid.layers; ++n) {
     const SliceLight light = light_of_layer(info, n);
-    if (light.time_s != shown.time_s || light.share != shown.share) {
-      exposure = ", \"Exposure\": " + dump(exposure_json(light.time_s, pwm_of(light)), -1) + "}";
+    const LiftMotion lift = lift_of(info, n);
+    if (light.time_s != shown.time_s || light.share != shown.share || lift != lifted) {
+      exposure =
+          ", \"Exposure\": " + dump(exposure_json(light.time_s, pwm_of(light), lift), -1) + "}";
       shown = light;
+      lifted = lift;
     }
     text += n == 0 ? "\n" : ",\n";
     z_um = own_heights ? z_um + layer_height_um(info, n) : (n + 1) * info.grid.layer_um;

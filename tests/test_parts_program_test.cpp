@@ -312,6 +312,15 @@ TEST_F(TestPartsProgram, CombGivesThePrinterBack) {
   const RunResult next = good({"tune", "measured-2.csv", "--printed", "again.uvj", "--printer",
                                "tuned-p.toml", "--resin", "tuned.toml"});
   EXPECT_THAT(next.out, HasSubstr("known before: what was found by the tuning before"));
+  // A table twice says no more than once, whatever it is called.
+  std::filesystem::copy_file(folder_ / "stairs.csv", folder_ / "copy.csv");
+  bad(2, {"tune", "stairs.csv", "copy.csv", "--printer", "p.toml", "--resin", "r.toml"},
+      {"copy.csv: holds the same measurements as stairs.csv"});
+  std::string renamed = to_text(read_file(folder_ / "stairs.csv"));
+  renamed.replace(renamed.find("cured_height_um\n"), 15, "height");
+  std::ofstream(folder_ / "renamed.csv") << renamed;
+  bad(2, {"tune", "renamed.csv", "--printer", "p.toml", "--resin", "r.toml"},
+      {"renamed.csv: cured_height_um: is no column"});
   // What was counted is not counted again, and files of one tuning go together.
   bad(2, {"tune", "stairs.csv", "--printer", "tuned-p.toml", "--resin", "tuned.toml"},
       {"slicecorr: stairs.csv: was counted before", "tuned.toml"});

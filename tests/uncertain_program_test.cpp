@@ -113,6 +113,32 @@ TEST_F(UncertainProgram, AFitIsSurerThanItsErrorsApart) {
   EXPECT_LT(together, apart);
 }
 
+TEST_F(UncertainProgram, AFitHasTheExchangeThatThePrinterFileKnows) {
+  std::ofstream(folder_ / "lifting.toml")
+      << "name = \"lifting\"\n[display]\nwidth_px = 64\nheight_px = 64\npixel_um = 50\n"
+         "[blue]\ncalibration = [[0, 1.0], [255, 100.0]]\n"
+         "[process]\nlift_exchange = 0.4\nlift_exchange_sd = 0.05\n";
+  const auto print = [&](const Command& more) {
+    Command command{"run",    "part.stl",  "-o",           "out.uvj", "--layer-um",
+                    "50",     "--printer", "lifting.toml", "--resin", "fitted.toml",
+                    "--mode", "layerwise", "--exposure-s", "3"};
+    command.insert(command.end(), more.begin(), more.end());
+    fine(command);
+    return read_json("out.json")["uncertainty"];
+  };
+  json known = print({"--uncertain", "fit"});
+  EXPECT_EQ(known["asked"], "fit,exchange=0.05");
+  EXPECT_DOUBLE_EQ(known["sd"]["exchange"].get<double>(), 0.05);
+  EXPECT_EQ(known, print({"--uncertain", "fit,exchange=0.05"}));
+  // Of a share that is said for this print the file knows nothing.
+  EXPECT_FALSE(print({"--uncertain", "fit", "--lift-exchange", "0.3"})["sd"].contains("exchange"));
+  std::ofstream(folder_ / "half.toml")
+      << "name = \"half\"\n[display]\nwidth_px = 64\nheight_px = 64\npixel_um = 50\n"
+         "[blue]\ncalibration = [[0, 1.0], [255, 100.0]]\n[process]\nlift_exchange_sd = 0.05\n";
+  bad(2, {"slice", "part.stl", "-o", "t.uvj", "--layer-um", "50", "--printer", "half.toml"},
+      {"lift_exchange_sd", "without lift_exchange"});
+}
+
 TEST_F(UncertainProgram, RobustSaysWhatItCosts) {
   fine(run({"--uncertain", "ha=5%,dc=5%", "--robust"}));
   const json r = read_json("out.json")["uncertainty"]["robust"];

@@ -72,6 +72,14 @@ double MeasuringForm::fact(const std::string& name, double least, double most) c
                   found == facts.end() ? "" : text::printable(found->second), least, most));
 }
 
+void MeasuringForm::expect_column(const std::string& column) const {
+  if (std::find(columns.begin(), columns.end(), column) != columns.end()) return;
+  throw InputError(source, column,
+                   fmt::format("is no column of this table, which has {}; expected it filled in, "
+                               "under its own name",
+                               text::printable(fmt::format("{}", fmt::join(columns, ", ")))));
+}
+
 std::string MeasuringForm::cell(std::size_t row, const std::string& column) const {
   const auto at =
       static_cast<std::size_t>(std::find(columns.begin(), columns.end(), column) - columns.begin());

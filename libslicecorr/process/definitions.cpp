@@ -403,6 +403,10 @@ Printer printer_of(std::string_view text, const std::string& source, bool needs_
     }
     printer.lifts = lifts == "each" ? Lifts::each : Lifts::none;
     printer.lift_exchange = process->number("lift_exchange", 0, 1, true).value_or(kUnknownExchange);
+    printer.lift_exchange_sd = process->number("lift_exchange_sd", 0, 1).value_or(0);
+    if (printer.lift_exchange_sd > 0 && printer.lift_exchange < 0) {
+      process->fail("lift_exchange_sd", "is said without lift_exchange, whose error it is");
+    }
     // Who only steps lifts nothing, whatever the stage could do.
     if (printer.lifts == Lifts::none && printer.lift_motion) printer.lift_motion->up_mm = 0;
   }

@@ -22,13 +22,15 @@ class SquaredResiduals : public ceres::CostFunction {
     mutable_parameter_block_sizes()->push_back(static_cast<int>(problem.unknowns()));
   }
   bool Evaluate(const double* const* values, double* residual, double** jacobians) const override {
-    // Ceres complains to stderr where derivatives fail and residuals did not, so both are checked
-    // at once.
+    // Ceres complains to stderr where derivatives fail and residuals did not, or where a number is none,
+    // so all are checked at once.
     if (at_.empty() || !std::equal(at_.begin(), at_.end(), values[0])) {
       at_.assign(values[0], values[0] + problem_.unknowns());
       residual_.resize(problem_.count());
-      holds_ =
-          problem_.residuals(at_.data(), residual_.data()) && problem_.jacobian(at_.data(), j_);
+      holds_ = problem_.residuals(at_.data(), residual_.data()) &&
+               problem_.jacobian(at_.data(), j_) && j_.allFinite() &&
+               std::all_of(residual_.begin(), residual_.end(),
+                           [](double r) { return std::isfinite(r); });
     }
     if (!holds_) return false;
     std::copy(residual_.begin(), residual_.end(), residual);

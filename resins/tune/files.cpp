@@ -10,6 +10,7 @@
 #include <cmath>
 #include <cstdint>
 #include <filesystem>
+#include <map>
 
 #include "database/schema.hpp"
 #include "database/toml_edit.hpp"
@@ -64,7 +65,14 @@ std::string mark_of(const MeasuredPart& part) {
 void check_not_counted(const std::string& resin_text, const std::string& resin_source,
                        const std::vector<MeasuredPart>& parts) {
   const std::string before = counted_before(resin_text, resin_source);
+  std::map<std::string, std::string> given;
   for (const MeasuredPart& part : parts) {
+    const auto [first, is_new] = given.emplace(mark_of(part), part.source);
+    if (!is_new) {
+      throw InputError(part.source, "",
+                       fmt::format("holds the same measurements as {}; expected each table once",
+                                   first->second));
+    }
     if (before.find(mark_of(part)) == std::string::npos) continue;
     throw InputError(
         part.source, "",
@@ -203,11 +211,10 @@ std::string printer_with_tuning(const std::string& text, const std::string& sour
   if (result.lift_exchange) {
     const auto at = [](const TuneMatrix& m) { return std::sqrt(m[kExchange][kExchange]); };
     edit.set("process", "lift_exchange", toml_number(*result.lift_exchange));
-    edit.set_comment(
-        "process", "lift_exchange",
-        fmt::format("# Share of resin that a lift exchanges, which slicecorr tune found "
-                    "with a standard deviation of {:.2g}.",
-                    at(result.covariance)));
+    edit.set_comment("process", "lift_exchange",
+                     "# Share of resin that a lift exchanges, which slicecorr tune found.");
+    edit.set("process", "lift_exchange_sd", toml_number(at(result.covariance), 3));
+    edit.set_comment("process", "lift_exchange_sd", "# Its standard deviation.");
   }
   if (result.spread) {
     std::string gaussians;

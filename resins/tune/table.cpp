@@ -38,6 +38,7 @@ TuningTable read_tuning_table(const std::string& path) {
     table.x_px = whole("x_px");
     table.y_px = whole("y_px");
   }
+  form.expect_column(comb ? "measured_um" : "cured_height_um");
   for (std::size_t i = 0; i < form.rows.size(); ++i) {
     MeasuredEdge e;
     e.name = form.cell(i, "name");

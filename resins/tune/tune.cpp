@@ -153,6 +153,31 @@ void check_part(const MeasuredPart& part, const std::vector<double>& expected, d
   }
 }
 
+/// The edges that lie furthest from what was expected before: where to look for a slip in a table.
+std::string furthest(const std::vector<MeasuredPart>& parts, const std::vector<Row>& rows,
+                     const Printer& printer, const Resin& resin) {
+  struct Off {
+    double um;
+    std::string words;
+  };
+  std::vector<Off> all;
+  for (std::size_t p = 0; p < parts.size(); ++p) {
+    const std::vector<double> expected = predict_edges(parts[p], printer, resin, {});
+    for (const Row& row : rows) {
+      if (row.part != p) continue;
+      const MeasuredEdge& e = parts[p].edges[row.edge];
+      all.push_back({std::abs(e.measured_um - expected[row.edge]),
+                     fmt::format("{} ({:g} um, expected {:.4g})", name_in(parts[p], e),
+                                 e.measured_um, expected[row.edge])});
+    }
+  }
+  std::stable_sort(all.begin(), all.end(), [](const Off& a, const Off& b) { return a.um > b.um; });
+  if (all.size() > 3) all.resize(3);
+  std::vector<std::string> words;
+  for (const Off& off : all) words.push_back(off.words);
+  return fmt::format("what was expected: {}: are cells in the wrong rows?", fmt::join(words, ", "));
+}
+
 }  // namespace
 
 TuneGain gain_of(const TuneMatrix& prior, const std::vector<TuneVector>& jacobian,
@@ -220,7 +245,9 @@ TuneResult tune(const std::vector<MeasuredPart>& parts, const Printer& printer, 
       x[kExchange] = held;
     }
     if (!found || !problem.jacobian(x.data(), j)) {
-      throw InputError("no resin and light were found that print what was measured");
+      throw InputError(
+          "no resin and light were found that print what was measured; furthest from " +
+          furthest(parts, rows, printer, resin));
     }
     std::vector<double> residual(problem.count());
     problem.residuals(x.data(), residual.data());

@@ -39,6 +39,8 @@ struct MeasuringForm {
   double fact(const std::string& name, double least, double most) const;
   /// The cell of a column; empty where the row is short or there is no such column.
   std::string cell(std::size_t row, const std::string& column) const;
+  /// Throws `InputError`, naming the column, where the table has none of this name.
+  void expect_column(const std::string& column) const;
   /// The number in it; nothing where it is empty. Throws `InputError` with line and column.
   std::optional<double> number(std::size_t row, const std::string& column, double least,
                                double most) const;

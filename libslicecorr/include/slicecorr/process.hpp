@@ -280,6 +280,8 @@ struct Printer {
   std::optional<Distortion> distortion{};
   FlowWindow window{};   ///< how the vat's window gives way (`[window]`)
   UnreadWords unread{};  ///< words of its file that count for nothing
+  /// Standard deviation of `lift_exchange`, as what measured it says; 0: not said.
+  double lift_exchange_sd = 0;
   int levels() const { return 1 << bit_depth; }
   bool operator==(const Printer&) const = default;
 };

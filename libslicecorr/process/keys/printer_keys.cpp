@@ -266,6 +266,12 @@ constexpr std::array kPrinterKeys = std::to_array<KeyRule>({
      .high = 1,
      .low_counts = true,
      .what = "share of the liquid resin that a lift exchanges; unknown without it"},
+    {.table = "process",
+     .key = "lift_exchange_sd",
+     .type = number,
+     .high = 1,
+     .what =
+         "standard deviation of lift_exchange, which `slicecorr tune` writes and `--uncertain fit` counts"},
     {.table = "vat",
      .key = "depth_um",
      .type = number,

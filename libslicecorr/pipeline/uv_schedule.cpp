@@ -33,11 +33,18 @@ std::vector<double> brightest_together(const SliceSource& target, const Setup& s
     models.map().values(band, places.data());
     std::map<std::uint8_t, std::vector<double>> blue;
     std::vector<double> of_band(greatest.size(), 0.0);
+    // Black lights, too, in slices of nothing else as well.
+    double black = 0;
+    for (const std::uint8_t place : places) {
+      std::vector<double>& levels = blue[place];
+      if (levels.empty()) levels = level_intensities(models.printer_at(place));
+      black = std::max(black, levels.front());
+    }
+    std::fill(of_band.begin(), of_band.end(), black);
     first.read_band(band, [&](int n, const std::uint8_t* rows) {
       for (std::size_t k = 0; rows && k < places.size(); ++k) {
         if (rows[k] == 0) continue;
-        std::vector<double>& levels = blue[places[k]];
-        if (levels.empty()) levels = level_intensities(models.printer_at(places[k]));
+        const std::vector<double>& levels = blue[places[k]];
         const int level = level_of_pixel(rows[k], static_cast<int>(levels.size()));
         double& most = of_band[static_cast<std::size_t>(n)];
         most = std::max(most, levels[static_cast<std::size_t>(level)]);

@@ -88,6 +88,23 @@ TEST(PrintVerdictTest, WhatOtherExchangesAtLiftsDoIsTold) {
   EXPECT_EQ(verdict_of(p).words.find("That is where"), std::string::npos);
 }
 
+TEST(PrintVerdictTest, WhatComesApartOrOffThePlatformIsNotAsDesigned) {
+  Prediction p = perfect();
+  p.split_features = 500;
+  EXPECT_EQ(verdict_of(p).outcome, Outcome::fails);
+  EXPECT_THAT(verdict_of(p).words, HasSubstr("25 % of the features by column come apart"));
+  p.split_features = 3;
+  EXPECT_EQ(verdict_of(p).outcome, Outcome::look);
+  EXPECT_THAT(verdict_of(p).words, HasSubstr("3 of 2,000 features by column come apart"));
+  p = perfect();
+  p.runs_on_platform = 400;
+  p.liquid_at_platform = 400;
+  expect(p, Outcome::fails, "Will not hold: 100 % of what stands on the platform is liquid at it.");
+  p.liquid_at_platform = 1;
+  EXPECT_EQ(verdict_of(p).outcome, Outcome::look);
+  EXPECT_THAT(verdict_of(p).words, HasSubstr("1 of 400 columns on the platform are liquid at it"));
+}
+
 TEST(PrintVerdictTest, SinglePlacesAreToBeLookedAt) {
   Prediction p = perfect();
   p.undercure_voxels = 4;

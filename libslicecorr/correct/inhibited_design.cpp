@@ -149,9 +149,9 @@ double ColumnDesign::below_node(int node, double farthest) const {
 /// goal_at() for the same without UV.
 double ColumnDesign::demand_at(int node) const {
   const int above = coverage(node - 1), below = coverage(node);
-  // Between nodes the dose may dip by a little, also where what is left alone is to hold the feature;
-  // edges get just what they need.
-  const auto holds = [&](int layer) { return full(layer) || left_alone(layer); };
+  // Between nodes the dose may dip by a little, also where the platform or what is left alone is to hold
+  // the feature; edges get just what they need.
+  const auto holds = [&](int layer) { return layer < 0 || full(layer) || left_alone(layer); };
   if ((above == 255 && holds(node)) || (below == 255 && holds(node - 1))) return plan_.inside;
   if (above == 255 || below == 255) {
     // Above a feature nothing is lit: light from below falls by a in a slice.

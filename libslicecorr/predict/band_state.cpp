@@ -518,6 +518,8 @@ Prediction BandPredictor::State::finish(const PixelOfColumn& place) {
     Column& c = columns_[i];
     if (class_[i] == run) {
       if (c.seeks_print) error(i, c.lower, c.lower_height, false, -between(0, c.lower));
+      ++prediction_.runs_on_platform;
+      prediction_.liquid_at_platform += c.any_printed && omega_[i] < kLeastAtPlatform;
       lose(i, 0);
       leave_stretch(i);
     } else {

@@ -146,6 +146,8 @@ void Prediction::merge(const Prediction& o) {
   lost_features += o.lost_features;
   lost_thick_features += o.lost_thick_features;
   split_features += o.split_features;
+  liquid_at_platform += o.liquid_at_platform;
+  runs_on_platform += o.runs_on_platform;
   one_slice_gaps += o.one_slice_gaps;
   merged_features += o.merged_features;
   merged_thick_gaps += o.merged_thick_gaps;
@@ -261,6 +263,7 @@ std::string Prediction::to_json() const {
   j["lost_features"] = lost_features;
   j["lost_features_two_slices_or_more"] = lost_thick_features;
   j["split_features"] = split_features;
+  j["liquid_at_platform"] = liquid_at_platform;
   j["one_slice_gaps"] = one_slice_gaps;
   j["merged_features"] = merged_features;
   j["merged_gaps_two_slices_or_more"] = merged_thick_gaps;

@@ -119,6 +119,10 @@ std::string falls_or_sticks(const Prediction& p) {
     return fmt::format("Will stick: resin gels down to the window over {}.",
                        with_noun(p.dead_zones->cured_pixels, "pixel", "pixels"));
   }
+  if (share(p.liquid_at_platform, p.runs_on_platform) >= kAnotherPart) {
+    return fmt::format("Will not hold: {} of what stands on the platform is liquid at it.",
+                       percent(share(p.liquid_at_platform, p.runs_on_platform)));
+  }
   if (p.joints && share(p.joints->not_holding_voxels, p.target_voxels) >= kAnotherPart) {
     return fmt::format("Will not hold: {} of the voxels come loose when the platform lifts.",
                        percent(share(p.joints->not_holding_voxels, p.target_voxels)));
@@ -135,6 +139,7 @@ std::string another_part(const Prediction& p) {
   std::vector<Found> all{
       {share(p.merged_features, p.gaps), "{} of the gaps by column close"},
       {share(p.lost_features, p.runs), "{} of the features by column are lost"},
+      {share(p.split_features, p.runs), "{} of the features by column come apart"},
       {share(p.cure_through_voxels, p.target_voxels), "what gels in gaps is {} of the part"},
       {share(p.undercure_voxels, p.target_voxels), "{} of its voxels stay liquid"},
       {share(edges_off(p), p.design_error_um().count()),
@@ -175,6 +180,11 @@ std::vector<std::string> to_look_at(const Prediction& p) {
       fmt::format("{} of {} gaps by column close", counted(p.merged_features), counted(p.gaps)));
   add(p.lost_features, fmt::format("{} of {} features by column are lost", counted(p.lost_features),
                                    counted(p.runs)));
+  add(p.split_features, fmt::format("{} of {} features by column come apart",
+                                    counted(p.split_features), counted(p.runs)));
+  add(p.liquid_at_platform,
+      fmt::format("{} of {} columns on the platform are liquid at it",
+                  counted(p.liquid_at_platform), counted(p.runs_on_platform)));
   const std::uint64_t narrow = narrow_gaps(p);
   if (share(narrow, p.gaps) >= kAnotherPart) {
     add(narrow, fmt::format("{} of {} gaps by column are hardly darker than what gels (a contrast "

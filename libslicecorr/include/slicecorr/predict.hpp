@@ -177,6 +177,10 @@ struct RegionDose {
   unsigned __int128 sum_ = 0, wanted_sum_ = 0, off_sum_ = 0;
 };
 
+/// Dose at the platform, in critical doses, from which on a feature holds there: half a hundredth below
+/// what gels is about a micrometre of liquid, which no machine keeps to.
+inline constexpr double kLeastAtPlatform = 0.995;
+
 /// The figures of a prediction.
 struct Prediction {
   int layers = 0;                         ///< slices shown
@@ -194,8 +198,11 @@ struct Prediction {
   std::uint64_t lost_thick_features = 0;  ///< of these, runs of two slices or more
   std::uint64_t one_slice_gaps = 0;       ///< gaps one slice high: they can't have both edges right
   std::uint64_t split_features = 0;       ///< runs printed in more than one piece
-  std::uint64_t merged_features = 0;      ///< gaps with nothing unprinted in them
-  std::uint64_t merged_thick_gaps = 0;    ///< of these, gaps of two slices or more
+  /// Runs on the platform that print, but whose dose at the platform itself stays below
+  /// `kLeastAtPlatform`: liquid lies between. In `runs_on_platform`, the number of all of these.
+  std::uint64_t liquid_at_platform = 0, runs_on_platform = 0;
+  std::uint64_t merged_features = 0;    ///< gaps with nothing unprinted in them
+  std::uint64_t merged_thick_gaps = 0;  ///< of these, gaps of two slices or more
   FeatureExamples lost_examples, merged_examples, split_examples;
   Histogram height_error_um;  ///< absolute values, one per designed edge
   /// The same from the design's own surface, of edges whose height the target knows (target.hpp).

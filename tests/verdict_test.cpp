@@ -88,6 +88,23 @@ TEST(PrintVerdictTest, WhatOtherExchangesAtLiftsDoIsTold) {
   EXPECT_EQ(verdict_of(p).words.find("That is where"), std::string::npos);
 }
 
+TEST(PrintVerdictTest, ErrorsOfInputsThatWereSaidReachIt) {
+  Prediction p = perfect();
+  UncertainPrint u;
+  u.runs = 1000;
+  u.upper.half_width_um.add(97);
+  u.lower.half_width_um.add(74);
+  p.uncertain = std::make_shared<UncertainPrint>(u);
+  const PrintVerdict moved = verdict_of(p);
+  EXPECT_EQ(moved.outcome, Outcome::as_designed);
+  EXPECT_THAT(moved.words, HasSubstr("move edges by up to 97 um (95 %)"));
+  u.may_vanish = 700;
+  p.uncertain = std::make_shared<UncertainPrint>(u);
+  const PrintVerdict lost = verdict_of(p);
+  EXPECT_EQ(lost.outcome, Outcome::look);
+  EXPECT_THAT(lost.words, HasSubstr("said 700 of 1,000 features may be lost"));
+}
+
 TEST(PrintVerdictTest, WhatComesApartOrOffThePlatformIsNotAsDesigned) {
   Prediction p = perfect();
   p.split_features = 500;

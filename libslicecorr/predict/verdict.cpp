@@ -12,6 +12,7 @@
 
 #include "slicecorr/bodies.hpp"
 #include "slicecorr/predict.hpp"
+#include "slicecorr/uncertain_print.hpp"
 #include "support/text/display_text.hpp"
 
 namespace slicecorr {
@@ -99,6 +100,18 @@ std::string with_other_exchange(const Prediction& p) {
       " That is where lifts exchange a share of {:g} of the resin: where they exchange all of it "
       "edges over gaps are up to {} um off, where none {} um.",
       *p.joints->exchange, to_digits(all_um, 3), to_digits(none_um, 3));
+}
+
+/// By how much the errors that were said of inputs move edges.
+std::string as_sure_as_inputs(const Prediction& p) {
+  if (!p.uncertain) return {};
+  double um = 0;
+  for (const EdgeBands* edges : {&p.uncertain->upper, &p.uncertain->lower}) {
+    if (edges->half_width_um.count() > 0) um = std::max(um, edges->half_width_um.quantile(0.95));
+  }
+  if (um < 0.1) return {};
+  return fmt::format(" The errors of inputs that were said move edges by up to {} um (95 %).",
+                     to_digits(um, 2));
 }
 
 /// Why it does not hold on the platform, or holds on the window.
@@ -213,6 +226,14 @@ std::vector<std::string> to_look_at(const Prediction& p) {
     add(b.sealed_in_all,
         fmt::format("{} resin", with_noun(b.sealed_in_all, "cavity traps", "cavities trap")));
   }
+  if (p.uncertain) {
+    const UncertainPrint& u = *p.uncertain;
+    add(u.may_vanish,
+        fmt::format("with the errors of inputs that were said {} of {} features may be lost",
+                    counted(u.may_vanish), counted(u.runs)));
+    add(u.may_join, fmt::format("with the errors of inputs that were said {} of {} gaps may close",
+                                counted(u.may_join), counted(u.gaps)));
+  }
   const std::uint64_t edges = edges_off(p), outlines = outlines_off(p);
   add(edges, fmt::format("{} off by more than a layer", with_noun(edges, "edge is", "edges are")));
   add(outlines, fmt::format("{} off by more than a pixel",
@@ -271,8 +292,8 @@ PrintVerdict verdict_of(const Prediction& p) {
         p.flow ? " Whether it sticks before its flow is steady is not judged here: "
                  "follow the print in time."
                : "";
-    return {Outcome::as_designed,
-            "Prints as designed." + edges(p) + with_other_exchange(p) + flows};
+    return {Outcome::as_designed, "Prints as designed." + edges(p) + as_sure_as_inputs(p) +
+                                      with_other_exchange(p) + flows};
   }
   std::string words = off.empty() ? "Prints as designed but for what to look at: "
                                   : off + (found.empty() ? "" : "; ");
@@ -281,7 +302,7 @@ PrintVerdict verdict_of(const Prediction& p) {
   for (std::size_t i = 0; i < std::min(found.size(), kMost); ++i) {
     words += (i > 0 ? "; " : "") + found[i];
   }
-  return {Outcome::look, words + "." + place(p) + with_other_exchange(p)};
+  return {Outcome::look, words + "." + place(p) + as_sure_as_inputs(p) + with_other_exchange(p)};
 }
 
 }  // namespace slicecorr

@@ -88,6 +88,19 @@ TEST(PrintVerdictTest, WhatOtherExchangesAtLiftsDoIsTold) {
   EXPECT_EQ(verdict_of(p).words.find("That is where"), std::string::npos);
 }
 
+TEST(PrintVerdictTest, BlackThatGelsTheVatIsSaid) {
+  Prediction p = perfect();
+  p.black_alone_dose = 0.999;
+  EXPECT_EQ(verdict_of(p).outcome, Outcome::as_designed);
+  p.black_alone_dose = 1.2;
+  expect(p, Outcome::fails,
+         "Does not print as designed: black light alone gels resin over the whole display.");
+  p.joints.emplace();
+  p.merged_features = 500;
+  EXPECT_THAT(verdict_of(p).words,
+              HasSubstr("whole display where lifts exchange none of it, 50 % of the gaps"));
+}
+
 TEST(PrintVerdictTest, ErrorsOfInputsThatWereSaidReachIt) {
   Prediction p = perfect();
   UncertainPrint u;

@@ -566,6 +566,7 @@ Prediction predict_black_columns(const CureModel& model, int slices, std::uint64
     dose.add_slice(n, showings(n));
     p.max_dose_outside = std::max(p.max_dose_outside, *dose.middle());
   }
+  p.black_alone_dose = std::max(0.0, p.max_dose_outside);
   return p;
 }
 
@@ -585,6 +586,7 @@ Prediction predict_black_columns(const CureModel& model, int slices, std::uint64
     p.max_dose_outside = std::max(p.max_dose_outside, model.middle(model.phi_min(), omega));
     omega = model.step(model.phi_min(), omega);
   }
+  p.black_alone_dose = std::max(0.0, p.max_dose_outside);
   return p;
 }
 

@@ -182,6 +182,7 @@ void Prediction::merge(const Prediction& o) {
   min_inside_layers = std::min(min_inside_layers, o.min_inside_layers);
   max_dose_inside = std::max(max_dose_inside, o.max_dose_inside);
   max_dose_outside = std::max(max_dose_outside, o.max_dose_outside);
+  black_alone_dose = std::max(black_alone_dose, o.black_alone_dose);
 }
 
 std::string Prediction::to_json() const {
@@ -267,6 +268,7 @@ std::string Prediction::to_json() const {
   j["one_slice_gaps"] = one_slice_gaps;
   j["merged_features"] = merged_features;
   j["merged_gaps_two_slices_or_more"] = merged_thick_gaps;
+  if (black_alone_dose > 0) j["black_alone_dose"] = black_alone_dose;
   j["dose"] = {{"min_inside", or_null(target_voxels > 0, min_dose_inside)},
                {"max_inside", or_null(target_voxels > 0, max_dose_inside)},
                {"min_inside_layers", or_null(target_voxels > 0, min_inside_layers)},

@@ -161,8 +161,14 @@ std::string another_part(const Prediction& p) {
        "{} of the outlines are off by more than a pixel"}};
   std::stable_sort(all.begin(), all.end(),
                    [](const Found& a, const Found& b) { return a.share > b.share; });
-  if (all.front().share < kAnotherPart) return {};
+  const bool black = p.black_alone_dose >= 1.0;
+  if (all.front().share < kAnotherPart && !black) return {};
   std::string words = "Does not print as designed: ";
+  if (black) {
+    words += "black light alone gels resin over the whole display";
+    if (p.joints && !p.joints->exchange) words += " where lifts exchange none of it";
+    if (all.front().share >= kAnotherPart) words += ", ";
+  }
   for (std::size_t i = 0; i < 2 && all[i].share >= kAnotherPart; ++i) {
     words += (i > 0 ? ", " : "") + fmt::format(fmt::runtime(all[i].words), percent(all[i].share));
   }

@@ -236,6 +236,8 @@ struct Prediction {
   double min_inside_layers = std::numeric_limits<double>::infinity();
   double max_dose_inside = -std::numeric_limits<double>::infinity();
   double max_dose_outside = -std::numeric_limits<double>::infinity();
+  /// Greatest dose in the middle of a layer of columns that are black in all slices; 0 without any.
+  double black_alone_dose = 0;
   std::vector<RegionDose> regions;  ///< where doses are wanted; not merged, set for whole stacks
   /// Not merged, set for whole stacks; null where nobody asked.
   std::shared_ptr<const SurfaceMaps> maps;

@@ -359,6 +359,17 @@ TEST_F(Bath, SupportsAreLeftAlone) {
   EXPECT_EQ(wrong.cured_through, 0);
 }
 
+TEST_F(Bath, HeightsOfTheMeshThatAreLeftOutAreTold) {
+  const char* const told =
+      "edges lie at slices: the mesh's own heights are not counted below a platform";
+  const Command run = Command{"run", "ladder.stl", "-o", "out.uvj", "--layer-um", "50"} + kProcess;
+  const Command reflecting{"--platform-reflectance", "0.05"};
+  EXPECT_NE(good(run + reflecting).err.find(told), std::string::npos);
+  EXPECT_EQ(good(run + reflecting + Command{"--surface", "slices"}).err.find(told),
+            std::string::npos);
+  EXPECT_EQ(good(run).err.find(told), std::string::npos);
+}
+
 TEST_F(Bath, ARealPartOnAPillar) {
   const std::string boat = real_file("meshes/clean/3DBenchy.stl");
   if (!std::filesystem::exists(boat)) GTEST_SKIP() << "without the real meshes";

@@ -156,11 +156,9 @@ std::vector<std::string> make_stack(const WorkOrder& order, const std::vector<st
                  cli::LayersWanted{LayerHeights(setup.process.layer_heights_um),
                                    setup.process.surface, left_alone},
                  context, &facts);
-    if (mesh->uneven()) {
-      Process process = setup.process;
-      if (const char* const why = leave_out_heights(setup.printer, setup.resin, process)) {
-        context.tell(why);
-      }
+    Process process = setup.process;
+    if (const char* const why = leave_out_heights(setup.printer, setup.resin, process)) {
+      context.tell(why);
     }
     for (const std::string& text : facts.defects) {
       outcome.message += (outcome.message.empty() ? "" : "; ") + text;

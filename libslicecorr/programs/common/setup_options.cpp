@@ -304,6 +304,12 @@ void tell_notices(const Setup& setup, const StackInfo* times, const ExecutionCon
     context.tell(text);
 }
 
+void tell_heights_left_out(const Setup& setup, Surface wanted, const ExecutionContext& context) {
+  Process process = setup.process;
+  const char* const why = leave_out_heights(setup.printer, setup.resin, process);
+  if (why && wanted == Surface::mesh) context.tell(why);
+}
+
 void tell_doubted_grey(const std::string& printer, const Setup& setup,
                        const ExecutionContext& context) {
   if (setup.process.assumed == AssumedLight::none) return;

@@ -85,6 +85,8 @@ auto with_dose_words(const Setup& setup, const Work& work) {
 void tell_unread(const UnreadWords& unread, const ExecutionContext& context);
 /// Tells what the user should know of a setup; `times` as for `resolve_setup`.
 void tell_notices(const Setup& setup, const StackInfo* times, const ExecutionContext& context);
+/// Of a mesh that is sliced for this setup: tells where its own heights are wanted and not counted.
+void tell_heights_left_out(const Setup& setup, Surface wanted, const ExecutionContext& context);
 /// Where its light is assumed: that `printer`, a name or a path, is said to show no grey.
 void tell_doubted_grey(const std::string& printer, const Setup& setup,
                        const ExecutionContext& context);

@@ -232,11 +232,7 @@ int run_plate(const Arguments& a, const Setup& setup, const ExecutionContext& co
       a.mesh, setup.printer,
       {LayerHeights(setup.process.layer_heights_um), setup.process.surface, a.leave_alone},
       context);
-  if (slices.uneven()) {
-    Process process = setup.process;
-    const char* const why = leave_out_heights(setup.printer, setup.resin, process);
-    if (why && a.setup.wanted_surface() == Surface::mesh) context.tell(why);
-  }
+  tell_heights_left_out(setup, a.setup.wanted_surface(), context);
   const FittedSlices fitted = fit_for_output(*slices, a.file(), setup.printer, context);
   tell_machine(setup, a.setup.printer, (*fitted).grid(), context);
   const LeftAloneFiles part(*fitted, a.leave_alone, slices.place(), setup.printer,

@@ -411,6 +411,7 @@ int compare(const Arguments& a, const ExecutionContext& context, Console& consol
   tell_database_band(chosen.resin, context, setup.process.assumed);
   MeshOptions mesh = a.mesh;
   mesh.shrinkage = setup.resin.shrinkage;
+  tell_heights_left_out(setup, chosen.wanted_surface(), context);
   const MeshSlices target = slice_parts(mesh, setup.printer, setup.process.surface, context);
   setup.process = schedule_uv(target, setup, context);
   const Comparison c = compare_methods(target, setup, context);

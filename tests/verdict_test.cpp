@@ -88,6 +88,16 @@ TEST(PrintVerdictTest, WhatOtherExchangesAtLiftsDoIsTold) {
   EXPECT_EQ(verdict_of(p).words.find("That is where"), std::string::npos);
 }
 
+TEST(PrintVerdictTest, ADeadZoneThatIsThinIsToBeLookedAt) {
+  Prediction p = perfect();
+  p.dead_zones.emplace();
+  p.dead_zones->least_um = p.dead_zones->greatest_um = {20, 15};
+  EXPECT_EQ(verdict_of(p).outcome, Outcome::as_designed);
+  p.dead_zones->least_um = {20, 0.234};
+  EXPECT_EQ(verdict_of(p).outcome, Outcome::look);
+  EXPECT_THAT(verdict_of(p).words, HasSubstr("the dead zone gets as thin as 0.23 um"));
+}
+
 TEST(PrintVerdictTest, BlackThatGelsTheVatIsSaid) {
   Prediction p = perfect();
   p.black_alone_dose = 0.999;

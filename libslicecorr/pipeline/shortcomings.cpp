@@ -56,10 +56,8 @@ void tell_shortcomings(const Prediction& p, const CureModel& model, const Proces
         "where they hang (least: {:.3g})",
         p.joints->not_holding_voxels, model.lifts->green_strength, p.joints->least));
   }
-  // Printers of this kind want some 20 um of liquid under the part.
-  constexpr double thin_um = 10;
   if (p.dead_zones && process.uv.dead_zone_um == 0 && !process.even_light &&
-      p.dead_zones->least() < thin_um) {
+      p.dead_zones->least() < kThinDeadZone_um) {
     context.tell(
         fmt::format("the dead zone gets as thin as {:.2g} um; UV light chosen for a dead zone, in "
                     "place of an intensity, keeps more of it",

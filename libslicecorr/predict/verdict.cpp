@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "slicecorr/bodies.hpp"
+#include "slicecorr/dead_zone.hpp"
 #include "slicecorr/predict.hpp"
 #include "slicecorr/uncertain_print.hpp"
 #include "support/text/display_text.hpp"
@@ -204,6 +205,11 @@ std::vector<std::string> to_look_at(const Prediction& p) {
   add(p.liquid_at_platform,
       fmt::format("{} of {} columns on the platform are liquid at it",
                   counted(p.liquid_at_platform), counted(p.runs_on_platform)));
+  if (p.dead_zones && p.dead_zones->least() < kThinDeadZone_um) {
+    found.push_back(fmt::format(
+        "the dead zone gets as thin as {} um, where a little more blue light gels resin to the window",
+        to_digits(p.dead_zones->least(), 2)));
+  }
   const std::uint64_t narrow = narrow_gaps(p);
   if (share(narrow, p.gaps) >= kAnotherPart) {
     add(narrow, fmt::format("{} of {} gaps by column are hardly darker than what gels (a contrast "

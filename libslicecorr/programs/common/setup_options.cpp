@@ -19,6 +19,7 @@
 #include "slicecorr/mesh.hpp"
 #include "slicecorr/print_file.hpp"
 #include "slicecorr/same_light.hpp"
+#include "slicecorr/supports.hpp"
 #include "slicecorr/units.hpp"
 #include "support/text/csv.hpp"
 #include "support/text/display_text.hpp"

@@ -395,6 +395,7 @@ void StackCorrection::judge_together(Correction& result) const {
   describe(result.info);
   result.slices = together_;
   result.after = verify_stack(*together_, target_, setup_, context_);
+  if (result.after.dead_zones) check_window(*result.after.dead_zones, setup_.process);
   if (plans_.held() && result.after.uncertain) {
     // What it costs: the same without.
     Setup plain = setup_;

@@ -131,6 +131,24 @@ TEST(RegisterScan, RefusesMirrorImagesAndOtherParts) {
   EXPECT_EQ(refusal(scanned(hook_mesh(), pose, 4000, {10}, random), hook_mesh()), "");
 }
 
+// Halves that differ by a bump of 0.6 mm and by half a millimetre of a shelf, as a mirrored display makes them.
+TEST(RegisterScan, RefusesMirrorImagesOfPartsThatAreNearlySymmetric) {
+  const TriangleMesh part = box({-3, -2, 0}, {3, 2, 1}) + box({-3, -2, 1}, {-2, 2, 4}) +
+                            box({2, -2, 1}, {3, 2, 4}) + box({-2, -2, 3}, {-1, 2, 4}) +
+                            box({1.5, -2, 3}, {2, 2, 4}) + box({-0.3, -0.3, 1}, {0.3, 0.3, 1.6}) +
+                            box({0.5, 1, 1}, {1.1, 1.6, 1.6});
+  TriangleMesh mirrored = part;
+  for (Point3& v : mirrored.vertices) v[0] = -v[0];
+  mirrored = inverted(mirrored);
+  std::mt19937 random(6);
+  const Pose pose = random_pose(random);
+  EXPECT_THAT(refusal(scanned(mirrored, pose, 6000, {8}, random), part), HasSubstr("mirror image"));
+  EXPECT_EQ(refusal(scanned(part, pose, 6000, {8}, random), part), "");
+  // A part that is symmetric fits both ways alike.
+  const TriangleMesh even = box({-3, -2, 0}, {3, 2, 1}) + box({-3, -1, 1}, {3, 1, 2});
+  EXPECT_EQ(refusal(scanned(even, pose, 6000, {8}, random), even), "");
+}
+
 // A box that printed 30 um too far towards the platform and 10 um too little towards the window.
 TEST(ScanDeviation, IsThatOfTheClosedFormByClass) {
   const TriangleMesh design = box({0, 0, 1}, {4, 3, 2}) + box({0, 0, 0}, {4, 3, 0.4});

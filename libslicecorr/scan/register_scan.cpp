@@ -193,6 +193,47 @@ Found best_pose(const OrientedPoints& points, const CoarseTarget& target,
                            [](const Found& a, const Found& b) { return a.rating < b.rating; });
 }
 
+/// How far points lie from the surface: the mean square of distances, none counted as more than `most_mm`.
+double mean_square_mm2(const ScanPoints& points, const MeshDistance& distance, const Pose& pose,
+                       double most_mm, const ExecutionContext& context) {
+  double squares = 0;
+  for (const Residual& r : residuals_of(points, distance, pose, most_mm, context)) {
+    const double mm = r.near ? std::min(std::abs(r.off_mm), most_mm) : most_mm;
+    squares += mm * mm;
+  }
+  return squares / static_cast<double>(points.points.size());
+}
+
+/// Looks closely whether the mirror image fits better: parts whose halves differ by little fit both ways.
+/// A print fits its own part best, whatever it is off by, and a symmetric part both ways alike.
+void check_mirror_image(const std::string& source, const ScanPoints& points,
+                        const MeshDistance& distance, const Found& found, const Found& other,
+                        double reach_mm, const ExecutionContext& context) {
+  ScanPoints mirrored = points;
+  for (auto* list : {&mirrored.points, &mirrored.normals}) {
+    for (Point3& p : *list) p[0] = -p[0];
+  }
+  const Found close =
+      judged(mirrored, distance,
+             close_search(mirrored, distance, other.pose, reach_mm, kMostRounds, context), reach_mm,
+             context);
+  // What differs shows as more than the scatter of the one that fits.
+  const double most_mm = 6 * std::max(std::min(found.median_mm, close.median_mm), 1e-4 * reach_mm);
+  const double as_it_is = mean_square_mm2(points, distance, found.pose, most_mm, context);
+  const double turned = mean_square_mm2(mirrored, distance, close.pose, most_mm, context);
+  constexpr double surely = 1.5, perhaps = 1.15;
+  if (as_it_is < perhaps * turned) return;
+  const std::string words = fmt::format(
+      "fits better as its mirror image: its points then lie {:.3g} um from the surface (rms, "
+      "none counted as more than {:.3g} um), as it is {:.3g} um",
+      1e3 * std::sqrt(turned), 1e3 * most_mm, 1e3 * std::sqrt(as_it_is));
+  if (as_it_is > surely * turned) {
+    throw InputError(source, "",
+                     words + "; expected a scan that is not mirrored, of a print that is not");
+  }
+  context.tell(source + ": " + words + ": is it mirrored, or the printer's display?");
+}
+
 }  // namespace
 
 Pose refine_pose(const Scan& scan, const MeshDistance& distance, const Pose& begin, double reach_mm,
@@ -249,6 +290,7 @@ Registration register_scan(const Scan& scan, const TriangleMesh& surface,
             "{:.4g} um",
             100 * found.within, reach, r.median_um, 1e3 * most_mm));
   }
+  check_mirror_image(scan.source, close_points, distance, found, other, reach, context);
   return r;
 }
 

@@ -295,6 +295,11 @@ TEST_F(Bath, SupportsAreLeftAlone) {
                           "height_error_um"}) {
     EXPECT_EQ(again[key], proof[key]) << key;
   }
+  // What is said otherwise than the stack says it is told.
+  EXPECT_EQ(good({"verify", "out.uvj"}).err.find("is measured with"), std::string::npos);
+  const std::string other = good({"verify", "out.uvj", "--speed-mm-h", "700"}).err;
+  EXPECT_NE(other.find("--speed-mm-h: the stack was made with "), std::string::npos) << other;
+  EXPECT_NE(other.find(", and is measured with 700"), std::string::npos) << other;
   good({"section", "out.uvj", "-o", "out.svg"});
   good({"simulate", "out.uvj", "--x", "80", "--y", "60", "-o", "out.csv"});
   // Both are placed together: the raft, six slices, lies below the ladder's 50.

@@ -159,6 +159,12 @@ void check_target(const SliceSource& stack, const StackInfo& info, const SliceSo
       refuse(fmt::format("it has {} layers, the stack was made from {}", grid.layers,
                          info.target_layers));
     }
+    if (grid.layers != info.target_layers && !black_more) {
+      context.tell(fmt::format(
+          "{}: has {} layers, the stack was made from {}: the same part at another height, from "
+          "which all edges are off, unless its first layers are left out there",
+          name, grid.layers, info.target_layers));
+    }
   } else if (!made_from && o.lit()) {
     // Stacks of other programs may go on after the part's end to cure it through.
     const bool too_high =

@@ -61,6 +61,59 @@ std::string first_exposure_notice(const Process& p, const StackInfo* times) {
 
 }  // namespace
 
+namespace {
+
+std::string value_in_words(const SettingValue& value) {
+  return std::visit(
+      [](const auto& v) -> std::string {
+        using Value = std::decay_t<decltype(v)>;
+        if constexpr (std::is_same_v<Value, std::monostate>) return "nothing";
+        if constexpr (std::is_same_v<Value, std::span<const double>>) {
+          return v.empty() ? "none" : fmt::format("{} numbers", v.size());
+        }
+        if constexpr (std::is_same_v<Value, double>) return fmt::format("{:.6g}", v);
+        if constexpr (std::is_same_v<Value, int>) return fmt::format("{}", v);
+        if constexpr (std::is_same_v<Value, std::string_view>) return std::string(v);
+      },
+      value);
+}
+
+}  // namespace
+
+std::vector<std::string> other_than_made(const Setup& setup, const StackInfo& made,
+                                         ChoiceNames names) {
+  std::vector<std::string> told;
+  const auto tell = [&](const std::string& what, const std::string& was, const std::string& is) {
+    told.push_back(
+        fmt::format("{}: the stack was made with {}, and is measured with {}", what, was, is));
+  };
+  for (const Setting& s : settings()) {
+    if (!made.process || s.block == BlockPart::none || s.corrects ||
+        std::holds_alternative<std::monostate>(s.process) ||
+        same_setting(s, setup.process, *made.process)) {
+      continue;
+    }
+    tell(setting_name(names, s.name), value_in_words(setting_value(s, *made.process)),
+         value_in_words(setting_value(s, setup.process)));
+  }
+  if (const auto& p = made.printer) {
+    const Printer& q = setup.printer;
+    if (p->name != q.name || p->width_px != q.width_px || p->height_px != q.height_px ||
+        p->calibration != q.calibration) {
+      tell("printer", fmt::format("'{}' of {} x {} pixels", p->name, p->width_px, p->height_px),
+           fmt::format("'{}' of {} x {}", q.name, q.width_px, q.height_px));
+    }
+  }
+  if (const auto& r = made.resin) {
+    const Resin& q = setup.resin;
+    if (r->name != q.name || r->absorbance_height10_um != q.absorbance_height10_um) {
+      tell("resin", fmt::format("'{}' of {:.4g} um", r->name, r->absorbance_height10_um),
+           fmt::format("'{}' of {:.4g} um", q.name, q.absorbance_height10_um));
+    }
+  }
+  return told;
+}
+
 std::vector<std::string> setup_notices(const Setup& setup, const StackInfo* times,
                                        ChoiceNames names) {
   std::vector<std::string> notices =

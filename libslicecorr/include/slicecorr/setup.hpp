@@ -75,6 +75,11 @@ Uncertainty chosen_uncertainty(const std::string& text, const Setup& setup,
 std::vector<std::string> setup_notices(const Setup& setup, const StackInfo* times,
                                        ChoiceNames names);
 
+/// What a stack is measured with in place of what it says it was made with: a sentence for each setting, and for
+/// printer and resin. Empty where the stack does not say.
+std::vector<std::string> other_than_made(const Setup& setup, const StackInfo& made,
+                                         ChoiceNames names);
+
 /// All of a setup as JSON, in the words in which stacks record it: the same setup gives the same
 /// text, and reading it back gives the same setup, bit for bit.
 std::string setup_json(const Setup& setup);

@@ -79,6 +79,9 @@ struct StackAndDesign {
          definition_notices(setup.printer, setup.resin, setup.process.uv.kind != UvKind::off)) {
       context.tell(text);
     }
+    for (const std::string& text : other_than_made(setup, stack.info(), ChoiceNames::options)) {
+      context.tell(text);
+    }
     const AssumedLight assumed = setup.process.assumed;
     if (assumed != AssumedLight::none) {
       context.tell(assumption_in_words(setup.printer, setup.resin, setup.process));

@@ -18,10 +18,12 @@
 
 #include "definition_texts.hpp"
 #include "refusal.hpp"
+#include "slicecorr/assumed_light.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/load_display.hpp"
 #include "slicecorr/load_printer.hpp"
 #include "slicecorr/process.hpp"
+#include "slicecorr/same_light.hpp"
 
 namespace slicecorr {
 namespace {
@@ -254,6 +256,27 @@ TEST_F(DefinitionFiles, LightThatIsToBeMeasuredIsRefusedWhereItIsNeeded) {
   }
   EXPECT_THROW(parse_display(with(text, "width_px = 1280", "width_pixels = 1280"), "p.toml"),
                InputError);
+}
+
+TEST_F(DefinitionFiles, ModelsOfPrintersAreToldAndMayBeAssumed) {
+  Resin resin;
+  resin.name = "r";
+  const auto told = [&](const Printer& printer) {
+    std::string all;
+    for (const std::string& text : definition_notices(printer, resin, false)) all += text + "\n";
+    return all;
+  };
+  const Printer model = load_printer("prusa-sl1s");
+  EXPECT_TRUE(model.model);
+  EXPECT_THAT(told(model),
+              testing::HasSubstr("printer 'prusa-sl1s' is a model: its light is made up"));
+  const Printer assumed = with_assumed_light(model, AssumedLight::mono_lcd_405);
+  EXPECT_FALSE(assumed.model);
+  Printer own = model;
+  own.model = false;
+  EXPECT_THAT(told(own), testing::Not(testing::HasSubstr("is a model")));
+  EXPECT_THAT(refusal([&] { with_assumed_light(own, AssumedLight::mono_lcd_405); }),
+              testing::HasSubstr("is measured: expected nothing to be assumed"));
 }
 
 TEST_F(DefinitionFiles, ShippedOnesParseAndAreFoundByName) {

@@ -63,7 +63,7 @@ AssumedLight assumed_light(std::string_view word, const Printer& printer) {
 }
 
 Printer with_assumed_light(Printer display, AssumedLight light) {
-  if (light_is_measured(display)) {
+  if (light_is_measured(display) && !display.model) {
     throw InputError(fmt::format(
         "the light of printer '{}' is measured: expected nothing to be assumed", display.name));
   }
@@ -75,6 +75,7 @@ Printer with_assumed_light(Printer display, AssumedLight light) {
   }
   if (!(display.wavelength_nm > 0)) display.wavelength_nm = kind.wavelength_nm;
   display.unit = LightUnit::brightest;
+  display.model = false;
   display.calibration.clear();
   const int last = display.levels() - 1;
   for (int level = 0; level <= last; ++level) {

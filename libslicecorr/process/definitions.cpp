@@ -424,6 +424,11 @@ Printer printer_of(std::string_view text, const std::string& source, bool needs_
   if (const auto limit = root.number("suction_limit_pa", 0, kMostSuctionPa)) {
     printer.suction_limit_pa = *limit;
   }
+  if (const auto provenance = root.table("provenance")) {
+    const toml::node* const said = provenance->node("measurements");
+    const auto text = said ? said->value<std::string>() : std::nullopt;
+    printer.model = text && text->find("model printer") != std::string::npos;
+  }
   detail::tomography_keys(root, printer);
   if (display.has("distortion") && (printer.vial || printer.optics || printer.rotation)) {
     display.fail(

@@ -91,6 +91,11 @@ std::vector<std::string> light_notices(const Printer& printer, const Resin& resi
 std::vector<std::string> definition_notices(const Printer& printer, const Resin& resin, bool uv) {
   std::vector<std::string> told = printer.unread.sentences;
   told.insert(told.end(), resin.unread.sentences.begin(), resin.unread.sentences.end());
+  if (printer.model) {
+    told.push_back(fmt::format(
+        "printer '{}' is a model: its light is made up, and figures are those of that light: measure that of your own",
+        printer.name));
+  }
   for (std::string& text : light_notices(printer, resin, uv)) told.push_back(std::move(text));
   return told;
 }

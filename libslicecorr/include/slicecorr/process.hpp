@@ -282,6 +282,8 @@ struct Printer {
   UnreadWords unread{};  ///< words of its file that count for nothing
   /// Standard deviation of `lift_exchange`, as what measured it says; 0: not said.
   double lift_exchange_sd = 0;
+  /// Its light is made up, as its file says (`measurements = "none: a model printer"` in `[provenance]`).
+  bool model = false;
   int levels() const { return 1 << bit_depth; }
   bool operator==(const Printer&) const = default;
 };

@@ -266,6 +266,7 @@ Json printer_json(const Printer& p) {
   if (p.platform_reflectance > 0) json["platform_reflectance"] = p.platform_reflectance;
   if (p.lifts == Lifts::none) json["lifts"] = "none";
   if (p.lift_exchange >= 0) json["lift_exchange"] = p.lift_exchange;
+  if (p.model) json["model"] = true;
   if (p.lift_exchange_sd > 0) json["lift_exchange_sd"] = p.lift_exchange_sd;
   if (p.suction_limit_pa > 0) json["suction_limit_pa"] = p.suction_limit_pa;
   if (p.adhesion_kpa > 0) json["adhesion_kpa"] = p.adhesion_kpa;
@@ -483,6 +484,7 @@ Printer read_printer(const Node& node) {
   }
   if (node.has("lifts")) p.lifts = Lifts(node["lifts"].choice({"none", "each"}));
   if (node.has("lift_exchange")) p.lift_exchange = node["lift_exchange"].number(0, 1);
+  p.model = node.has("model") && node["model"].flag();
   if (node.has("lift_exchange_sd")) p.lift_exchange_sd = node["lift_exchange_sd"].number(0, 1);
   if (node.has("suction_limit_pa")) {
     p.suction_limit_pa = node["suction_limit_pa"].number(0, kMostSuctionPa);

@@ -170,6 +170,10 @@ TEST(Arrange, BoxesFillTheDisplayAndTurnWhereTheyMust) {
     EXPECT_THAT(e.what(), HasSubstr("part 0 is 10 x 80 mm from above"));
   }
   EXPECT_EQ(arrange({tall}, {120, 60, 1, true}, numbered)[0].quarters % 2, 1);
+  // As large as the display, off its corner and as rounding leaves it.
+  TriangleMesh whole;
+  add_box(whole, {0.1, 0.1, 0}, {0.1 + 120, 0.1 + 60, 1});
+  EXPECT_EQ(arrange({whole}, {120, 60, 1, false}, numbered)[0].plate, 0);
   EXPECT_THROW(arrange({tall}, {0, 60, 1, true}, numbered), InputError);
   EXPECT_TRUE(arrange({}, {120, 60, 1, true}, numbered).empty());
 }

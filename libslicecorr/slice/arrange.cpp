@@ -56,8 +56,9 @@ class CellRows {
 
 /// The cells that the outline of a part touches, from the corner of its box at the least x and y on.
 CellRows outline_of(const TriangleMesh& mesh, const detail::PartBox& box, double cell_mm) {
+  // A part as long as so many cells takes no more of them, whatever rounding adds.
   const auto cells = [&](std::size_t k) {
-    return static_cast<int>(std::floor(box.size(k) / cell_mm)) + 1;
+    return std::max(1, static_cast<int>(std::ceil(box.size(k) / cell_mm - 1e-6)));
   };
   CellRows rows(cells(0), cells(1));
   for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
@@ -70,8 +71,8 @@ CellRows outline_of(const TriangleMesh& mesh, const detail::PartBox& box, double
       }
     }
     const auto [least, most] = std::minmax({p[0][1], p[1][1], p[2][1]});
-    const int first = std::max(0, static_cast<int>(std::floor(least)));
     const int last = std::min(rows.height() - 1, static_cast<int>(std::floor(most)));
+    const int first = std::clamp(static_cast<int>(std::floor(least)), 0, last);
     for (int y = first; y <= last; ++y) {
       // What of the triangle lies in the row: corners there, and where edges cross its two borders.
       double left = 1e300, right = -1e300;
@@ -89,7 +90,8 @@ CellRows outline_of(const TriangleMesh& mesh, const detail::PartBox& box, double
         }
       }
       if (left > right) continue;
-      rows.set(static_cast<int>(std::floor(left)), static_cast<int>(std::floor(right)) + 1, y);
+      const int from = std::min(static_cast<int>(std::floor(left)), rows.width() - 1);
+      rows.set(from, static_cast<int>(std::floor(right)) + 1, y);
     }
   }
   return rows;

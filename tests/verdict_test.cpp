@@ -88,6 +88,18 @@ TEST(PrintVerdictTest, WhatOtherExchangesAtLiftsDoIsTold) {
   EXPECT_EQ(verdict_of(p).words.find("That is where"), std::string::npos);
 }
 
+TEST(PrintVerdictTest, OutlinesAreToldWithTheirSide) {
+  Prediction p = perfect();
+  p.pixel_x_um = p.pixel_y_um = 50;
+  for (int i = 0; i < 4; ++i) p.plane_error_um.add(16);
+  p.plane_signed_nm = -4 * 16000;
+  EXPECT_THAT(verdict_of(p).words,
+              HasSubstr("um, on average 16 um inwards: walls are 32 um thinner."));
+  p.plane_signed_nm = 0;
+  EXPECT_THAT(verdict_of(p).words, testing::Not(HasSubstr("on average")));
+  EXPECT_THAT(verdict_of(p).words, HasSubstr("95 % of outlines lie within 16 um."));
+}
+
 TEST(PrintVerdictTest, ADeadZoneThatIsThinIsToBeLookedAt) {
   Prediction p = perfect();
   p.dead_zones.emplace();

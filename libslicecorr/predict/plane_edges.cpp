@@ -125,7 +125,10 @@ void PlaneEdges::measure(int slice, std::size_t at, const Axis& axis, const doub
   }
   const double um = (print - edge) * axis.pitch_um;
   Prediction& p = figures_;
-  if (seen) p.plane_error_um.add(std::abs(um));
+  if (seen) {
+    p.plane_error_um.add(std::abs(um));
+    p.plane_signed_nm += std::llround(1000 * um);
+  }
   if (seen && um > 0) p.plane_overreach_um = std::max(p.plane_overreach_um, um);
   if (seen && um < 0) p.plane_shortfall_um = std::max(p.plane_shortfall_um, -um);
   if (closed) {

@@ -110,6 +110,11 @@ double RegionDose::mean() const { return mean_of(sum_, voxels); }
 double RegionDose::mean_wanted() const { return mean_of(wanted_sum_, voxels); }
 double RegionDose::mean_off() const { return mean_of(off_sum_, voxels); }
 
+double Prediction::plane_signed_um() const {
+  const std::uint64_t edges = plane_error_um.count();
+  return edges ? 1e-3 * static_cast<double>(plane_signed_nm) / static_cast<double>(edges) : 0;
+}
+
 double Prediction::iou() const {
   const std::uint64_t both = target_voxels - undercure_voxels;
   const std::uint64_t either = target_voxels + cure_through_voxels;
@@ -167,6 +172,7 @@ void Prediction::merge(const Prediction& o) {
   height_error_um.merge(o.height_error_um);
   surface_error_um.merge(o.surface_error_um);
   plane_error_um.merge(o.plane_error_um);
+  plane_signed_nm += o.plane_signed_nm;
   plane_overreach_um = std::max(plane_overreach_um, o.plane_overreach_um);
   plane_shortfall_um = std::max(plane_shortfall_um, o.plane_shortfall_um);
   plane_closed += o.plane_closed;
@@ -240,6 +246,7 @@ std::string Prediction::to_json() const {
                            {"edges", surface_error_um.count()}};
   const bool plane = plane_error_um.count() > 0;
   j["edge_error_in_plane_um"] = {{"mean_abs", or_null(plane, plane_error_um.mean())},
+                                 {"mean", or_null(plane, plane_signed_um())},
                                  {"p95_abs", or_null(plane, plane_error_um.quantile(0.95))},
                                  {"max_abs", or_null(plane, plane_error_um.greatest())},
                                  {"edges", plane_error_um.count()},

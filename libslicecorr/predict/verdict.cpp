@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <limits>
 #include <vector>
@@ -84,6 +85,20 @@ std::string edges(const Prediction& p) {
   // No print and no measurement tells a tenth of a micrometre.
   return fmt::format(" 95 % of edges lie within {} um.",
                      to_digits(std::max(0.1, error_um.quantile(0.95)), 2));
+}
+
+/// Outlines in the plane, where light spreads: of them 95 % within, and to which side they err.
+std::string outlines(const Prediction& p) {
+  if (p.plane_error_um.count() == 0) return {};
+  const double um = p.plane_signed_um();
+  std::string words = fmt::format(" 95 % of outlines lie within {} um",
+                                  to_digits(std::max(0.1, p.plane_error_um.quantile(0.95)), 2));
+  if (std::abs(um) >= 1 && std::abs(um) >= 0.5 * p.plane_error_um.mean()) {
+    words += fmt::format(", on average {} um {}: walls are {} um {}", to_digits(std::abs(um), 2),
+                         um < 0 ? "inwards" : "outwards", to_digits(2 * std::abs(um), 2),
+                         um < 0 ? "thinner" : "thicker");
+  }
+  return words + ".";
 }
 
 /// A share that lifts exchange is measured, and never to the last digit; or nobody said one.
@@ -304,8 +319,8 @@ PrintVerdict verdict_of(const Prediction& p) {
         p.flow ? " Whether it sticks before its flow is steady is not judged here: "
                  "follow the print in time."
                : "";
-    return {Outcome::as_designed, "Prints as designed." + edges(p) + as_sure_as_inputs(p) +
-                                      with_other_exchange(p) + flows};
+    return {Outcome::as_designed, "Prints as designed." + edges(p) + outlines(p) +
+                                      as_sure_as_inputs(p) + with_other_exchange(p) + flows};
   }
   std::string words = off.empty() ? "Prints as designed but for what to look at: "
                                   : off + (found.empty() ? "" : "; ");

@@ -212,8 +212,9 @@ struct Prediction {
   /// column to column; empty where it does not, and outlines are those of pixels.
   Histogram plane_error_um;
   double plane_overreach_um = 0, plane_shortfall_um = 0;  ///< see the two below
-  std::uint64_t plane_closed = 0;  ///< such edges whose print reaches the next feature, or far
-  std::uint64_t plane_lost = 0;    ///< of lines where nothing prints from edge to edge, or far
+  std::int64_t plane_signed_nm = 0;  ///< the same summed with its sign: outwards is above 0
+  std::uint64_t plane_closed = 0;    ///< such edges whose print reaches the next feature, or far
+  std::uint64_t plane_lost = 0;      ///< of lines where nothing prints from edge to edge, or far
   FeatureExamples plane_closed_examples, plane_lost_examples;
   std::optional<FinestPrint> finest;  ///< where light spreads; not merged, set for whole stacks
   double greatest_overreach_um = 0;   ///< furthest that the print reaches into a gap
@@ -266,6 +267,8 @@ struct Prediction {
   const Histogram& design_error_um() const {
     return surface_error_um.count() > 0 ? surface_error_um : height_error_um;
   }
+  /// How far outlines lie outwards (above 0) or inwards on average, um; 0 without any.
+  double plane_signed_um() const;
   /// Printed and designed, over printed or designed; 1 when there is neither.
   double iou() const;
   void merge(const Prediction& other);

@@ -59,6 +59,10 @@ std::string figures_table(const std::vector<Figures>& columns) {
   });
   if (any_plane) {
     errors("error in the plane", &Prediction::plane_error_um);
+    line("outlines outwards, on average", [](const Prediction& p) {
+      return p.plane_error_um.count() ? fmt::format("{:+.3f} um", p.plane_signed_um())
+                                      : std::string("-");
+    });
     line("edges closed up in the plane",
          [](const Prediction& p) { return fmt::format("{}", p.plane_closed); });
     line("edges of lines lost in the plane",

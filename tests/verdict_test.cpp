@@ -88,6 +88,21 @@ TEST(PrintVerdictTest, WhatOtherExchangesAtLiftsDoIsTold) {
   EXPECT_EQ(verdict_of(p).words.find("That is where"), std::string::npos);
 }
 
+TEST(PrintVerdictTest, SlitsThatWereToCloseAreNoFault) {
+  Prediction p = perfect();
+  p.merged_features = p.one_slice_gaps = 200;
+  p.cure_through_voxels = 200;
+  EXPECT_EQ(verdict_of(p).outcome, Outcome::fails);
+  p.slits_merged = true;
+  expect(p, Outcome::as_designed,
+         "Prints as designed. 200 gaps of one slice are closed, as was asked. 95 % of edges lie "
+         "within 0.25 um.");
+  p.merged_features = 203;
+  p.merged_thick_gaps = 3;
+  EXPECT_EQ(verdict_of(p).outcome, Outcome::look);
+  EXPECT_THAT(verdict_of(p).words, HasSubstr("3 of 1,000 gaps by column close"));
+}
+
 TEST(PrintVerdictTest, OutlinesAreToldWithTheirSide) {
   Prediction p = perfect();
   p.pixel_x_um = p.pixel_y_um = 50;

@@ -437,6 +437,7 @@ Correction StackCorrection::result() {
   result.after.other_wavelength = other_wavelength(setup_.printer, setup_.resin);
   result.after.other_display = other_display(setup_.printer, setup_.resin);
   result.after.assumed = setup_.process.assumed;
+  result.after.slits_merged = setup_.process.one_slice_gaps == OneSliceGaps::merge;
   result.after.dead_zones = std::move(dead_zones);
   if (setup_.process.even_light) {
     result.after.flow = flow_doses(target_, &*kept_, setup_, context_);

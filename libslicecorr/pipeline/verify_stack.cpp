@@ -395,6 +395,7 @@ Prediction verify_stack(const SliceSource& stack, const SliceSource& target, con
   p.other_wavelength = other_wavelength(setup.printer, setup.resin);
   p.other_display = other_display(setup.printer, setup.resin);
   p.assumed = setup.process.assumed;
+  p.slits_merged = setup.process.one_slice_gaps == OneSliceGaps::merge;
   if (target.doses()) {
     const PlaceModels models(setup.printer, setup.resin, setup.process, stack.grid(),
                              stack.frame());

@@ -45,6 +45,17 @@ double layer_um(const Prediction& p) {
   return um.empty() ? p.layer_um : *std::max_element(um.begin(), um.end());
 }
 
+/// Gaps of one slice that are closed because that was asked for.
+std::uint64_t slits_closed(const Prediction& p) {
+  return p.slits_merged ? p.merged_features - std::min(p.merged_thick_gaps, p.merged_features) : 0;
+}
+
+std::uint64_t gaps_closed(const Prediction& p) { return p.merged_features - slits_closed(p); }
+
+std::uint64_t gelled_in_gaps(const Prediction& p) {
+  return p.cure_through_voxels - std::min(slits_closed(p), p.cure_through_voxels);
+}
+
 std::uint64_t edges_off(const Prediction& p) { return beyond(p.design_error_um(), layer_um(p)); }
 
 std::uint64_t outlines_off(const Prediction& p) {
@@ -73,6 +84,14 @@ std::string place(const Prediction& p) {
   std::string words = fmt::format(" The worst edge is {} um off", to_digits(um, 3));
   if (placed) words += fmt::format(", in pixel {}, {}", p.worst_x, p.worst_y);
   return words + ".";
+}
+
+std::string slits(const Prediction& p) {
+  const std::uint64_t closed = slits_closed(p);
+  return closed == 0
+             ? std::string()
+             : fmt::format(" {} closed, as was asked.",
+                           with_noun(closed, "gap of one slice is", "gaps of one slice are"));
 }
 
 std::string edges(const Prediction& p) {
@@ -166,10 +185,10 @@ std::string another_part(const Prediction& p) {
     const char* words;
   };
   std::vector<Found> all{
-      {share(p.merged_features, p.gaps), "{} of the gaps by column close"},
+      {share(gaps_closed(p), p.gaps), "{} of the gaps by column close"},
       {share(p.lost_features, p.runs), "{} of the features by column are lost"},
       {share(p.split_features, p.runs), "{} of the features by column come apart"},
-      {share(p.cure_through_voxels, p.target_voxels), "what gels in gaps is {} of the part"},
+      {share(gelled_in_gaps(p), p.target_voxels), "what gels in gaps is {} of the part"},
       {share(p.undercure_voxels, p.target_voxels), "{} of its voxels stay liquid"},
       {share(edges_off(p), p.design_error_um().count()),
        "{} of the edges are off by more than a layer"},
@@ -195,7 +214,8 @@ std::string another_part(const Prediction& p) {
 /// voxel each, which no rounding of slices explains.
 std::string edges_by_voxels(const Prediction& p) {
   const double half_um = layer_um(p) / 2;
-  const double off = share(beyond(p.height_error_um, half_um), p.height_error_um.count());
+  const std::uint64_t all = beyond(p.height_error_um, half_um);
+  const double off = share(all - std::min(2 * slits_closed(p), all), p.height_error_um.count());
   if (off < kAnotherPart) return {};
   return fmt::format("Prints with edges that are off: {} of them by more than half a layer ({} um)",
                      percent(off), to_digits(half_um, 3));
@@ -209,10 +229,10 @@ std::vector<std::string> to_look_at(const Prediction& p) {
   };
   add(p.undercure_voxels, fmt::format("{} of {} voxels stay liquid", counted(p.undercure_voxels),
                                       counted(p.target_voxels)));
-  add(p.cure_through_voxels,
-      fmt::format("{} in gaps", with_noun(p.cure_through_voxels, "voxel gels", "voxels gel")));
-  add(p.merged_features,
-      fmt::format("{} of {} gaps by column close", counted(p.merged_features), counted(p.gaps)));
+  add(gelled_in_gaps(p),
+      fmt::format("{} in gaps", with_noun(gelled_in_gaps(p), "voxel gels", "voxels gel")));
+  add(gaps_closed(p),
+      fmt::format("{} of {} gaps by column close", counted(gaps_closed(p)), counted(p.gaps)));
   add(p.lost_features, fmt::format("{} of {} features by column are lost", counted(p.lost_features),
                                    counted(p.runs)));
   add(p.split_features, fmt::format("{} of {} features by column come apart",
@@ -319,7 +339,7 @@ PrintVerdict verdict_of(const Prediction& p) {
         p.flow ? " Whether it sticks before its flow is steady is not judged here: "
                  "follow the print in time."
                : "";
-    return {Outcome::as_designed, "Prints as designed." + edges(p) + outlines(p) +
+    return {Outcome::as_designed, "Prints as designed." + slits(p) + edges(p) + outlines(p) +
                                       as_sure_as_inputs(p) + with_other_exchange(p) + flows};
   }
   std::string words = off.empty() ? "Prints as designed but for what to look at: "

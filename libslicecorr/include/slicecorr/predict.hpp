@@ -257,6 +257,8 @@ struct Prediction {
   /// Of which display the seconds of full light are that doses are told in, where it is not that of the
   /// printer; "" where nobody says. Not merged, set for whole stacks.
   std::optional<std::string> other_display;
+  /// Gaps of one slice were to be filled (`OneSliceGaps::merge`); not merged, set for whole stacks.
+  bool slits_merged = false;
   AssumedLight assumed =
       AssumedLight::none;  ///< light and dose were; not merged, set for whole stacks
   /// Column and row of the edge with the greatest height error (the first such pixel); -1: none.

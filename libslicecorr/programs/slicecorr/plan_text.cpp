@@ -8,6 +8,7 @@
 
 #include "plan.hpp"
 #include "slicecorr/limit.hpp"
+#include "support/text/display_text.hpp"
 
 namespace slicecorr::cli {
 
@@ -61,6 +62,20 @@ std::string ranges_in_words(const std::vector<SpeedRange>& ranges) {
   return text.empty() ? "none" : text + " mm/h";
 }
 
+/// Gaps for which nothing is promised: the first line says so, because the print has them all the same.
+std::string left_out_in_words(const PrintPlan& plan) {
+  std::uint64_t pixels = 0;
+  int slices = 0;
+  for (const PlanGap& g : plan.gaps) {
+    if (!g.left_out) continue;
+    pixels += g.count;
+    slices = std::max(slices, g.slices);
+  }
+  if (pixels == 0) return {};
+  return fmt::format("; not counted are gaps of up to {:g} um ({} pixels), which may close",
+                     slices * plan.layer_um, text::count(static_cast<std::int64_t>(pixels)));
+}
+
 std::string gap_in_words(const PrintPlan& plan, const PlanGap& g) {
   std::string text =
       fmt::format("  {:>3} slice{}, {:g} um{}{}: {} pixels, first {}, {}, slices {} to {}",
@@ -82,8 +97,8 @@ std::string plan_text(const PrintPlan& plan) {
   const bool continuous = plan.mode == ExposureMode::continuous;
   const std::string asked =
       edges_judged(plan.at)
-          ? fmt::format("with edges within {:g} um and a contrast of {:g} in gaps",
-                        plan.ask.tolerance_um, plan.ask.gap_contrast)
+          ? fmt::format("with edges within {:g} um and a contrast of {:g} in gaps{}",
+                        plan.ask.tolerance_um, plan.ask.gap_contrast, left_out_in_words(plan))
           : std::string("that prints; no edge at a gap was judged, because no gap is planned for");
   std::string text = fmt::format(
       "{}: the {} {}\n"

@@ -117,8 +117,10 @@ TEST_F(GelTimeFiles, TablesOfTimes) {
   EXPECT_THAT(complaint(many, 0.2), HasSubstr("two intensities"));
   EXPECT_THAT(complaint(put("x.csv", "intensity_mw_cm2,time_s\n1,-3\n")), HasSubstr("-3"));
   EXPECT_THAT(complaint(put("y.csv", "intensity_mw_cm2,time_s\n1,nan\n")), HasSubstr("nan"));
-  EXPECT_THAT(complaint(put("z.csv", "intensity_mw_cm2,time_s,colour\n1,3,2\n")),
-              HasSubstr("colour"));
+  // As in tables of heights, what other columns say counts for nothing, and that is told.
+  const GelTimeFit coloured = fit_gel_time(
+      read_times_to_gel({put("z.csv", "intensity_mw_cm2,time_s,colour\n1,10,red\n10,2,green\n")}));
+  EXPECT_THAT(coloured.warnings, testing::Contains(HasSubstr("column 'colour' is passed over")));
   EXPECT_THAT(complaint(put("e.csv", "intensity_mw_cm2,time_s\n")), HasSubstr("e.csv"));
 }
 

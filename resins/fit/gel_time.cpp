@@ -19,6 +19,7 @@
 #include "support/chart/chart.hpp"
 #include "support/json/finite.hpp"
 #include "support/text/ascii.hpp"
+#include "support/text/display_text.hpp"
 
 namespace slicecorr::resins {
 
@@ -52,10 +53,11 @@ Header header_of(const std::string& path) {
 
 void read_times(const std::string& path, std::optional<double> wanted, TimesToGel& into) {
   const Header h = header_of(path);
-  const char* const expected = "a header row with intensity_mw_cm2,time_s (and conversion)";
+  const char* const expected = "intensity_mw_cm2,time_s (and conversion)";
   if (h.intensity.empty() || h.time.empty()) {
-    throw InputError(path, "header", fmt::format("expected {}", expected));
+    throw InputError(path, "header", fmt::format("expected a header with {}", expected));
   }
+  std::vector<std::string> passed_over;
   const auto source = static_cast<int>(into.sources.size());
   into.sources.push_back(path);
   std::vector<NumberColumn> columns{{h.intensity.c_str(), 1e-9, 1e9, true, false},
@@ -64,12 +66,18 @@ void read_times(const std::string& path, std::optional<double> wanted, TimesToGe
   if (!h.conversion.empty()) columns.push_back({h.conversion.c_str(), 1e-6, 1, true, false});
   std::vector<std::pair<double, TimeToGel>> all;
   std::vector<double> conversions;
-  read_number_table(path, columns, expected, "times",
-                    [&](int line, const std::string&, const std::vector<double>& v) {
-                      const double at = h.conversion.empty() ? 0.0 : v.back();
-                      all.push_back({at, {v[0], v[1], {source, line}}});
-                      conversions.push_back(at);
-                    });
+  read_number_table(
+      path, columns, expected, "times",
+      [&](int line, const std::string&, const std::vector<double>& v) {
+        const double at = h.conversion.empty() ? 0.0 : v.back();
+        all.push_back({at, {v[0], v[1], {source, line}}});
+        conversions.push_back(at);
+      },
+      &passed_over);
+  for (const std::string& name : passed_over) {
+    into.warnings.push_back(
+        fmt::format("{}: column '{}' is passed over", path, text::printable(name)));
+  }
   std::sort(conversions.begin(), conversions.end());
   conversions.erase(std::unique(conversions.begin(), conversions.end(),
                                 [](double a, double b) { return b - a < kSameConversion; }),
@@ -251,6 +259,7 @@ GelTimeFit fit_gel_time(const TimesToGel& data) {
         std::max(fit.exponent_error, std::abs(power.time_s(t.intensity_mw_cm2) / t.time_s - 1));
   }
   fit.left_out = times_left_out(data.times);
+  fit.warnings = data.warnings;
   const auto warn = [&](std::string text) { fit.warnings.push_back(std::move(text)); };
   if (fit.a.at_bound) {
     warn("A came out at 0: no inhibition is seen, and the kinetic law with m = 1/2 says the same");

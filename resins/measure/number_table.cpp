@@ -18,6 +18,8 @@ constexpr int kMostRows = 100000;
 constexpr std::size_t kNotThere = std::numeric_limits<std::size_t>::max();
 /// A column for people.
 constexpr std::size_t kName = kNotThere - 1;
+/// A column that counts for nothing.
+constexpr std::size_t kPassedOver = kNotThere - 2;
 
 CsvReader reader_of(const std::string& path) {
   return CsvReader::of_file(
@@ -57,7 +59,7 @@ std::vector<std::string> table_header(const std::string& path) {
 
 void read_number_table(const std::string& path, const std::vector<NumberColumn>& columns,
                        const std::string& expected, const std::string& rows,
-                       const NumberRowSink& sink) {
+                       const NumberRowSink& sink, std::vector<std::string>* passed_over) {
   CsvReader reader = reader_of(path);
   CsvRow row;
   if (!reader.next(row)) {
@@ -67,6 +69,11 @@ void read_number_table(const std::string& path, const std::vector<NumberColumn>&
   for (const std::string& name : row.cells) {
     std::size_t column = column_named(columns, name);
     if (column == kNotThere && name == "name") column = kName;
+    if (column == kNotThere && passed_over) {
+      passed_over->push_back(name);
+      order.push_back(kPassedOver);
+      continue;
+    }
     const bool twice = std::find(order.begin(), order.end(), column) != order.end();
     if (column == kNotThere || twice) {
       throw InputError(path, reader.place(),
@@ -94,7 +101,7 @@ void read_number_table(const std::string& path, const std::vector<NumberColumn>&
     }
     std::fill(values.begin(), values.end(), std::numeric_limits<double>::quiet_NaN());
     for (std::size_t i = 0; i < order.size(); ++i) {
-      if (order[i] == kName) continue;
+      if (order[i] == kName || order[i] == kPassedOver) continue;
       values[order[i]] = value_of(columns[order[i]], row.cells[i], path, reader.place());
     }
     sink(row.line, reader.place(), values);

@@ -25,11 +25,13 @@ struct NumberColumn {
 using NumberRowSink =
     std::function<void(int line, const std::string& place, const std::vector<double>& values)>;
 
-/// Gives all rows of a table. A column `name` is for people and passed over. `expected` says what its header is to be, `rows` what its rows are
+/// Gives all rows of a table. A column `name` is for people and passed over; others that are not known are
+/// refused, or passed over and noted in `passed_over`, where that is given. `expected` says what its header is to be, `rows` what its rows are
 /// ("points"). Throws `InputError` naming file and line.
 void read_number_table(const std::string& path, const std::vector<NumberColumn>& columns,
                        const std::string& expected, const std::string& rows,
-                       const NumberRowSink& sink);
+                       const NumberRowSink& sink,
+                       std::vector<std::string>* passed_over = nullptr);
 
 /// The header's names.
 std::vector<std::string> table_header(const std::string& path);

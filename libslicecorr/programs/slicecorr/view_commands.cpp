@@ -45,6 +45,7 @@ Arguments with_target(Arguments a) {
   if (!fs::exists(a.input)) return a;
   a.target = left;
   if (fs::exists(left)) return a;
+  StackReader::read_info(a.input);  // what can't be read says that before anything is asked for
   if (const std::string kept = a.input + ".orig"; fs::exists(kept)) {
     throw InputError(
         a.input, "",

@@ -1,8 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The slicecorr authors
 // SPDX-License-Identifier: Apache-2.0
 
-// A display that does not shine evenly: its light by place, corrections and predictions with it,
-// and what stacks say of it. Truth: a place that gets f of the light is a printer whose calibration
+// A display that does not shine evenly: corrections and predictions with it, and what stacks say of it. Truth: a place that gets f of the light is a printer whose calibration
 // is f times as strong.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -13,13 +12,10 @@
 #include <nlohmann/json.hpp>
 #include <random>
 
+#include "flat_fields.hpp"
 #include "ladder.hpp"
-#include "memory_slices.hpp"
-#include "models.hpp"
 #include "real_files.hpp"
 #include "run_program.hpp"
-#include "slicecorr/error.hpp"
-#include "slicecorr/inhibited.hpp"
 #include "slicecorr/load_printer.hpp"
 #include "slicecorr/pipeline.hpp"
 #include "slicecorr/place_models.hpp"
@@ -27,7 +23,6 @@
 #include "slicecorr/setup.hpp"
 #include "slicecorr/simulate.hpp"
 #include "slicecorr/solid.hpp"
-#include "slicecorr/units.hpp"
 #include "slicecorr/volume.hpp"
 #include "stack_fixture.hpp"
 
@@ -38,302 +33,7 @@ namespace fs = std::filesystem;
 using testing::AllOf;
 using testing::HasSubstr;
 
-using Values = std::vector<std::uint8_t>;
-/// Tests have a Setup of their own.
-using Settings = slicecorr::Setup;
-
-FlatField field_of(int width, int height, Values values, int reference = 255,
-                   bool of_plate = false) {
-  FlatField f;
-  f.width_px = width;
-  f.height_px = height;
-  f.values = std::make_shared<const Values>(std::move(values));
-  f.reference = reference;
-  f.of_plate = of_plate;
-  return f;
-}
-
-FlatField uniform(int value, int reference = 255) {
-  return field_of(1, 1, {static_cast<std::uint8_t>(value)}, reference);
-}
-
-std::string refusal(const std::function<void()>& f) {
-  try {
-    f();
-  } catch (const Error& e) {
-    return e.what();
-  }
-  return "nothing was thrown";
-}
-
-constexpr Grid kGrid{16, 16, 40, 50, 50, 50};
-
-/// Random columns of runs, gaps and some grey.
-MemorySlices random_target(const Grid& grid, unsigned seed, bool grey = true) {
-  std::mt19937 random(seed);
-  MemorySlices t(grid);
-  for (int y = 2; y < grid.height_px - 1; ++y) {
-    for (int x = 1; x < grid.width_px - 2; ++x) {
-      if (random() % 5 == 0) continue;
-      for (int n = static_cast<int>(random() % 6); n < grid.layers;) {
-        const int run = 1 + static_cast<int>(random() % 12);
-        for (int k = n; k < std::min(grid.layers, n + run); ++k) t.at(k, x, y) = 255;
-        n += run;
-        if (grey && random() % 3 == 0 && n < grid.layers) {
-          t.at(n++, x, y) = static_cast<std::uint8_t>(1 + random() % 254);
-        }
-        n += 1 + static_cast<int>(random() % 10);
-      }
-    }
-  }
-  return t;
-}
-
-Settings even_setup() { return {linear_printer(1, 100), resin(576, 2000), process(1000)}; }
-
-Settings with(Settings setup, const FlatField& field) {
-  setup.printer.flat_field = field;
-  return setup;
-}
-
-/// Ways to expose, each with a printer of 16 x 16 pixels.
-struct Mode {
-  std::string name;
-  Settings setup;
-};
-std::vector<Mode> modes() {
-  std::vector<Mode> all;
-  all.push_back({"continuous", even_setup()});
-  Settings capped = even_setup();
-  capped.process.omega_max = 1;
-  capped.printer = gamma_printer(0.5, 90, 3, 6);
-  all.push_back({"capped, gamma, 6 bits", capped});
-  Settings kinetic = even_setup();
-  kinetic.resin.model = CureModelKind::kinetic;
-  kinetic.resin.m = 0.8;
-  kinetic.resin.critical_dose_mj_cm3 = 0;
-  kinetic.resin.critical_dose_prime = 70;
-  all.push_back({"kinetic", kinetic});
-  Settings layers = even_setup();
-  layers.resin = resin(576, 110);
-  layers.process.mode = ExposureMode::layerwise;
-  layers.process.exposure_s = 0.2;
-  layers.process.bottom_exposure_s = 0.4;
-  layers.process.bottom_layers = 3;
-  all.push_back({"layer by layer", layers});
-  Settings uv = even_setup();
-  uv.printer.uv = UvLamp{365, false, {{0, 0}, {255, 600}}};
-  uv.resin.model = CureModelKind::kinetic;
-  uv.resin.m = 0.99;
-  uv.resin.critical_dose_mj_cm3 = 0;
-  uv.resin.critical_dose_prime = 64;
-  uv.resin.absorbance_height10_um = units::height10_from_e(408);
-  uv.resin.inhibition = Inhibition{0.73, units::height10_from_e(37.8), 0.99, 0};
-  uv.process.uv.kind = UvKind::constant;
-  uv.process.uv.uv_mw_cm2 = 200;
-  all.push_back({"UV light", uv});
-  Settings pattern = uv;
-  pattern.printer.uv->patterned = true;
-  pattern.process.uv = {UvKind::patterned, 0, 15, {}};
-  all.push_back({"patterned UV light", pattern});
-  return all;
-}
-
-// ---- light by place -------------------------------------------------------------------------
-
-TEST(LightMap, WithoutOneAllIsEven) {
-  const LightMap map(linear_printer(1, 100), kGrid, {});
-  EXPECT_TRUE(map.even());
-  EXPECT_EQ(map.factor(map.value(3, 4)), 1);
-}
-
-TEST(LightMap, AsManyValuesAsPixelsAreTakenAsTheyAre) {
-  Printer p = linear_printer(1, 100);
-  Values values(256);
-  for (std::size_t i = 0; i < 256; ++i) values[i] = static_cast<std::uint8_t>(i);
-  p.flat_field = field_of(16, 16, values, 200);
-  const LightMap map(p, kGrid, {});
-  EXPECT_FALSE(map.even());
-  Values read(256);
-  map.values({0, 0, 16, 16}, read.data());
-  EXPECT_EQ(read, values);
-  EXPECT_EQ(map.factor(50), 0.25);
-  EXPECT_EQ(map.greatest(), 255);
-  const auto counts = map.counts({0, 0, 16, 2});
-  EXPECT_EQ(counts[31], 1U);
-  EXPECT_EQ(counts[32], 0U);
-}
-
-// Middles of pixels against middles of samples, linear between them and flat outside.
-TEST(LightMap, FewValuesAreInterpolated) {
-  Printer p = linear_printer(1, 100);
-  p.width_px = 4;
-  p.height_px = 2;
-  const Grid grid{4, 2, 1, 50, 50, 50};
-  p.flat_field = field_of(2, 1, {0, 200});
-  const LightMap map(p, grid, {});
-  for (int y = 0; y < 2; ++y) {
-    EXPECT_EQ(map.value(0, y), 0);
-    EXPECT_EQ(map.value(1, y), 50);
-    EXPECT_EQ(map.value(2, y), 150);
-    EXPECT_EQ(map.value(3, y), 200);
-  }
-  // A plane stays one: 10 (x + 2 y) at the middles of samples.
-  p.width_px = 60;
-  p.height_px = 40;
-  Values plane;
-  for (int y = 0; y < 4; ++y) {
-    for (int x = 0; x < 6; ++x) plane.push_back(static_cast<std::uint8_t>(10 * (x + 2 * y)));
-  }
-  p.flat_field = field_of(6, 4, plane);
-  const LightMap fine(p, {60, 40, 1, 50, 50, 50}, {});
-  for (int y = 5; y < 35; ++y) {
-    for (int x = 5; x < 55; ++x) {
-      // 10 ((x + 0.5) / 10 - 0.5 + 2 ((y + 0.5) / 10 - 0.5)) = x + 2 y - 13.5, halves go up.
-      EXPECT_EQ(fine.value(x, y), x + 2 * y - 13) << x << " " << y;
-    }
-  }
-  // And many values for few pixels.
-  p.width_px = p.height_px = 2;
-  p.flat_field = field_of(4, 4, {0, 0, 9, 9, 0, 0, 9, 9, 40, 40, 80, 80, 40, 40, 80, 80});
-  const LightMap coarse(p, {2, 2, 1, 50, 50, 50}, {});
-  EXPECT_EQ(coarse.value(0, 0), 0);
-  EXPECT_EQ(coarse.value(1, 0), 9);
-  EXPECT_EQ(coarse.value(1, 1), 80);
-}
-
-TEST(LightMap, NeighbouringValuesCanBeJoined) {
-  Printer p = linear_printer(1, 100);
-  Values values(256);
-  for (std::size_t i = 0; i < 256; ++i) values[i] = static_cast<std::uint8_t>(i);
-  p.flat_field = field_of(16, 16, values);
-  LightMap map(p, kGrid, {});
-  map.coarsen(7);
-  for (int i = 1; i < 256; ++i) {
-    EXPECT_LE(std::abs(map.value(i % 16, i / 16) - i), 3) << i;
-    EXPECT_EQ(map.value(i % 16, i / 16), std::min(255, i / 7 * 7 + 3));
-  }
-  EXPECT_EQ(map.value(0, 0), 0);
-}
-
-TEST(LightMap, EightOrientations) {
-  // A display of 5 x 3 pixels, or 3 x 5.
-  for (int i = 0; i < 8; ++i) {
-    const Orientation o{(i & 1) != 0, (i & 2) != 0, (i & 4) != 0};
-    const Turn turn = turn_from_plate(o);
-    const Grid plate{5, 3, 1, 50, 40, 50};
-    const Grid display = turned(plate, turn);
-    Printer p = linear_printer(1, 100);
-    p.orientation = o;
-    p.width_px = display.width_px;
-    p.height_px = display.height_px;
-    p.pixel_x_um = display.pixel_x_um;
-    p.pixel_y_um = display.pixel_y_um;
-    EXPECT_EQ(plate_grid(p).width_px, 5);
-    EXPECT_EQ(plate_grid(p).pixel_y_um, 40);
-    Values values(15);
-    for (std::size_t k = 0; k < 15; ++k) values[k] = static_cast<std::uint8_t>(10 + k);
-    const auto in = [&](const FlatField& f, const Pixel& at) {
-      return (*f.values)[static_cast<std::size_t>(at.y * f.width_px + at.x)];
-    };
-    const ImageFrame ours, archive{Turn{}, o}, silent{Turn{}, std::nullopt};
-    // Measured as the display shows its images.
-    p.flat_field = field_of(display.width_px, display.height_px, values);
-    for (int y = 0; y < 3; ++y) {
-      for (int x = 0; x < 5; ++x) {
-        const Pixel shown = turned(Pixel{x, y}, turn, 5, 3);
-        EXPECT_EQ(LightMap(p, plate, ours).value(x, y), in(*p.flat_field, shown));
-        EXPECT_EQ(LightMap(p, display, archive).value(shown.x, shown.y), in(*p.flat_field, shown));
-        EXPECT_EQ(LightMap(p, display, silent).value(shown.x, shown.y), in(*p.flat_field, shown));
-      }
-    }
-    // Measured over the plate.
-    p.flat_field = field_of(5, 3, values, 255, true);
-    for (int y = 0; y < 3; ++y) {
-      for (int x = 0; x < 5; ++x) {
-        const Pixel shown = turned(Pixel{x, y}, turn, 5, 3);
-        EXPECT_EQ(LightMap(p, plate, ours).value(x, y), in(*p.flat_field, {x, y}));
-        EXPECT_EQ(LightMap(p, display, archive).value(shown.x, shown.y), in(*p.flat_field, {x, y}));
-        EXPECT_EQ(LightMap(p, display, silent).value(shown.x, shown.y), in(*p.flat_field, {x, y}));
-        // Turned slices keep the light that they get.
-        const ImageFrame back = turned(archive, turn.inverse());
-        EXPECT_EQ(LightMap(p, plate, back).value(x, y), in(*p.flat_field, {x, y}));
-      }
-    }
-  }
-}
-
-TEST(LightMap, ArchiveAndPrinterThatContradictEachOther) {
-  Printer p = linear_printer(1, 100);
-  const ImageFrame mirrored{Turn{}, Orientation{false, true, false}};
-  Values values(256, 100);
-  values[0] = 255;
-  p.flat_field = field_of(16, 16, values, 255, true);
-  // The printer says nothing: the archive's word counts.
-  EXPECT_EQ(LightMap(p, kGrid, mirrored).value(15, 0), 255);
-  p.orientation = Orientation{};
-  EXPECT_THAT(
-      refusal([&] { LightMap(p, kGrid, mirrored); }),
-      AllOf(HasSubstr("landscape by the printer"),
-            HasSubstr("landscape, mirrored in x by the archive"), HasSubstr("flat_field_frame")));
-  // What is measured in images fits the archive's images, whatever they show.
-  p.flat_field->of_plate = false;
-  EXPECT_EQ(LightMap(p, kGrid, mirrored).value(0, 0), 255);
-  EXPECT_THAT(refusal([&] {
-                LightMap(p, {8, 16, 1, 50, 50, 50}, {});
-              }),
-              HasSubstr("8 x 16 pixels"));
-}
-
-TEST(PlaceModels, ADimPlaceIsADimPrinter) {
-  for (const Mode& mode : modes()) {
-    const Settings setup = with(mode.setup, field_of(2, 1, {128, 255}, 255));
-    const PlaceModels models(setup.printer, setup.resin, setup.process, kGrid, {});
-    const CureModel& dim = models.model(128);
-    Printer dimmer = mode.setup.printer;
-    for (CalibrationPoint& c : dimmer.calibration) c.intensity_mw_cm2 *= 128.0 / 255;
-    Process process = mode.setup.process;
-    if (process.uv.kind == UvKind::patterned) continue;  // its UV light is set for full light
-    const CureModel expected = make_cure_model(dimmer, setup.resin, process, 50);
-    EXPECT_EQ(dim.level_phi, expected.level_phi) << mode.name;
-    EXPECT_EQ(dim.a, expected.a);
-    EXPECT_EQ(models.model(255).level_phi,
-              make_cure_model(mode.setup.printer, setup.resin, process, 50).level_phi);
-  }
-}
-
-// A pattern can't know places: the same grey level has the same UV light everywhere, enough for the
-// brightest. Elsewhere the dead zone is thicker, never thinner.
-TEST(PlaceModels, UvLightIsThatOfTheBrightestPlace) {
-  const Settings setup = with(modes()[5].setup, field_of(2, 1, {128, 255}, 255));
-  const PlaceModels models(setup.printer, setup.resin, setup.process, kGrid, {});
-  const InhibitedKernel& dim = *models.model(128).inhibited();
-  const InhibitedKernel& bright = *models.model(255).inhibited();
-  EXPECT_EQ(dim.uv_levels(), bright.uv_levels());
-  for (int level = 20; level < 256; ++level) {
-    EXPECT_GE(bright.dead_zone_um(0, level), 15 * (1 - 1e-9));
-    EXPECT_GT(dim.dead_zone_um(0, level), bright.dead_zone_um(0, level));
-  }
-}
-
-// Where UV light has so many intensities that values of light would have to share tables that differ by
-// more than half a per cent, edges would lie elsewhere than is told.
-TEST(PlaceModels, LightThatCannotBeToldApartIsRefused) {
-  Settings setup = with(modes()[5].setup, field_of(2, 1, {155, 255}, 255));
-  setup.process.uv = {UvKind::constant, 50, 0, {}};
-  EXPECT_NO_THROW(PlaceModels(setup.printer, setup.resin, setup.process, kGrid, {}));
-  setup.process.uv = {UvKind::per_slice, 0, 0, {}};
-  for (int n = 0; n < 60; ++n) setup.process.uv.slice_mw_cm2.push_back(20 + 0.5 * n);
-  try {
-    const PlaceModels models(setup.printer, setup.resin, setup.process, kGrid, {});
-    FAIL() << "60 intensities of UV light at 101 values of light";
-  } catch (const InputError& e) {
-    EXPECT_THAT(e.what(), testing::HasSubstr("display.flat_field"));
-    EXPECT_THAT(e.what(), testing::HasSubstr("expected UV light of one intensity"));
-  }
-}
-
-// ---- correction -----------------------------------------------------------------------------
+using namespace flat;
 
 class FlatFieldTest : public testing::Test {
  protected:

@@ -37,15 +37,7 @@ MeshInLayers slices_of(const std::string& path, const SliceSource& target,
   Point3 low, high;
   low.fill(std::numeric_limits<double>::infinity());
   high.fill(-std::numeric_limits<double>::infinity());
-  for (std::size_t i = 0; i < mesh.triangles.size(); ++i) {
-    if (!mesh.adds(i)) continue;
-    for (const std::uint32_t v : mesh.triangles[i]) {
-      for (std::size_t k = 0; k < 3; ++k) {
-        low[k] = std::min(low[k], mesh.vertices[v][k]);
-        high[k] = std::max(high[k], mesh.vertices[v][k]);
-      }
-    }
-  }
+  widen_box(mesh, low, high);
   options.center_mm = {meshes.origin_mm[0] + 0.5 * (low[0] + high[0]),
                        meshes.origin_mm[1] + 0.5 * (low[1] + high[1])};
   try {

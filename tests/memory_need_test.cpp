@@ -106,10 +106,12 @@ TEST(MemoryNeed, TakesItsFiguresOfThePrint) {
   EXPECT_EQ(facts.tables_bytes, 0);
   EXPECT_FALSE(facts.stepwise);
   EXPECT_EQ(facts.mirrored_slices, 0);
-  // What is left alone is solved slice by slice.
+  EXPECT_FALSE(facts.solved_whole);
+  // Beside what is left alone columns are solved one by one.
   facts.left_alone = true;
   look_at_light(slices, setup.printer, setup.process, plan, facts);
   EXPECT_TRUE(facts.stepwise);
+  EXPECT_TRUE(facts.solved_whole);
   setup.printer.spread.gaussians = {{80, 1}};
   EXPECT_TRUE(corrects_together(setup));
   setup.process.spread_rounds = 0;

@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The slicecorr authors
 // SPDX-License-Identifier: Apache-2.0
 
-/// The solves of a band, one for each kind of cure model; see slicecorr/correct.hpp.
+/// The solves of a band; see slicecorr/correct.hpp. All but the first give columns to a solver one by one
+/// (column_band.hpp).
 #pragma once
 
 #include <cstddef>
@@ -29,38 +30,15 @@ class BandSolver {
 /// The solver of plain models.
 std::unique_ptr<BandSolver> make_continuous_solver(const CorrectionPlan& plan, std::size_t columns);
 
-/// The solver of plain models where doses are wanted.
-std::unique_ptr<BandSolver> make_graded_solver(const CorrectionPlan& plan, std::size_t columns,
-                                               BandDoses doses);
-
-/// The solver of continuous exposure that isn't plain, and of columns that are left alone in part.
-std::unique_ptr<BandSolver> make_stepwise_solver(const CorrectionPlan& plan, std::size_t columns);
-
-std::unique_ptr<BandSolver> make_layerwise_solver(const CorrectionPlan& plan, std::size_t columns);
 /// The solver of models with an inhibited kernel, in both modes.
 std::unique_ptr<BandSolver> make_inhibited_solver(const CorrectionPlan& plan, std::size_t columns);
 /// The same where doses are wanted.
 std::unique_ptr<BandSolver> make_inhibited_solver(const CorrectionPlan& plan, std::size_t columns,
                                                   BandDoses doses);
-/// The solver of laws whose levels are tried (tried_column.hpp), in both modes.
-std::unique_ptr<BandSolver> make_tried_solver(const CorrectionPlan& plan, std::size_t columns);
-/// The same where doses are wanted.
-std::unique_ptr<BandSolver> make_tried_solver(const CorrectionPlan& plan, std::size_t columns,
-                                              BandDoses doses);
-
-/// The same for one column: levels, and intensities before rounding to levels.
-std::vector<std::uint8_t> solve_layerwise_column(const CorrectionPlan& plan,
-                                                 const std::vector<std::uint8_t>& coverage,
-                                                 const std::vector<std::uint8_t>& heights);
-std::vector<double> solve_layerwise_column_exactly(const CorrectionPlan& plan,
-                                                   const std::vector<std::uint8_t>& coverage,
-                                                   const std::vector<std::uint8_t>& heights);
+/// The levels of one column.
 std::vector<std::uint8_t> solve_inhibited_column(const CorrectionPlan& plan,
                                                  const std::vector<std::uint8_t>& coverage,
                                                  const std::vector<std::uint8_t>& heights);
-std::vector<std::uint8_t> solve_tried_column(const CorrectionPlan& plan,
-                                             const std::vector<std::uint8_t>& coverage,
-                                             const std::vector<std::uint8_t>& heights);
 
 /// Slices to show for a target whose last lit layer is `last_lit`, with an inhibited kernel.
 int inhibited_slices(const CureModel& model, int target_layers, int last_lit);

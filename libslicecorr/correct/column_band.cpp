@@ -163,22 +163,49 @@ void ColumnBand::add_layer(const std::uint8_t* coverage, const std::uint8_t* hei
   ++layers_;
 }
 
-void ColumnBand::solve(const BandCorrector::Sink& sink, const BandCorrector::TileSink&) {
-  if (layers_ != facts_.layers) throw Error("the plan has more layers");
-  const std::vector<Change> levels = solve_columns();
-  show(levels, sink);
+void ColumnBand::keep_light(BandCorrector::ColumnLevels most) {
+  if (!facts_.keeps_caps) BandSolver::keep_light(most);
+  most_ = std::move(most);
 }
 
-/// The levels of all columns, as changes from the last slice on.
-std::vector<ColumnBand::Change> ColumnBand::solve_columns() {
+void ColumnBand::solve(const BandCorrector::Sink& sink, const BandCorrector::TileSink&) {
+  if (layers_ != facts_.layers) throw Error("the plan has more layers");
+  solve_columns();
+  show(sink);
+}
+
+std::string ColumnBand::answer_of(const std::string& key, const std::vector<CoverageRun>& runs,
+                                  const ColumnBounds& bounds) {
+  if (runs.empty()) return changes_of(bounds.floors, facts_.all_layers);
+  std::string answer;
+  if (facts_.solved && facts_.solved->find(key, answer)) return answer;
+  answer = changes_of(solver_->solve(runs, bounds), facts_.all_layers);
+  if (facts_.solved) facts_.solved->keep(key, answer);
+  return answer;
+}
+
+void ColumnBand::find_next(Shown& shown) const {
+  const std::string& answer = answers_[shown.answer];
+  std::size_t at = shown.at;
+  shown.next = at < answer.size() ? shown.next - static_cast<std::int32_t>(take(answer, at)) : -1;
+  shown.at = static_cast<std::uint32_t>(at);
+}
+
+void ColumnBand::add_answer(std::uint32_t column, int moved, std::string answer) {
+  if (answer.empty()) return;
+  if (answers_.empty() || answers_.back() != answer) answers_.push_back(std::move(answer));
+  Shown shown{column, static_cast<std::uint32_t>(answers_.size() - 1), facts_.all_layers + moved};
+  find_next(shown);
+  shown_.push_back(shown);
+}
+
+void ColumnBand::solve_columns() {
   // By column; within a column they stay in the order of layers.
   const auto column_of = [](const Change& c) { return static_cast<std::size_t>(c.column); };
   sort_by(changes_, columns_, column_of);
   sort_by(left_changes_, columns_, column_of);
-  std::vector<Change> levels;
   std::vector<CoverageRun> runs;
   ColumnBounds bounds;
-  std::string found;
   read_doses();
   for (std::size_t i = 0, left = 0; i < changes_.size() || left < left_changes_.size();) {
     std::uint32_t column = i < changes_.size() ? changes_[i].column : left_changes_[left].column;
@@ -196,23 +223,10 @@ std::vector<ColumnBand::Change> ColumnBand::solve_columns() {
       key.append(bounds.caps.begin(), bounds.caps.end());
     }
     // Of columns that are alike, as neighbours often are, one is solved.
-    if (runs.empty()) {
-      found = changes_of(bounds.floors, facts_.all_layers);
-    } else if (!facts_.solved || !facts_.solved->find(key, found)) {
-      found = changes_of(solver_->solve(runs, bounds), facts_.all_layers);
-      if (facts_.solved) facts_.solved->keep(key, found);
-    }
-    std::int32_t n = facts_.all_layers + moved;
-    for (std::size_t at = 0; at < found.size(); ++at) {
-      n -= static_cast<std::int32_t>(take(found, at));
-      levels.push_back({column, n, static_cast<std::uint8_t>(found[at])});
-    }
+    add_answer(column, moved, answer_of(key, runs, bounds));
   }
   release(changes_);
   release(left_changes_);
-  sort_by(levels, static_cast<std::size_t>(facts_.all_layers),
-          [&](const Change& c) { return static_cast<std::size_t>(facts_.all_layers - 1 - c.at); });
-  return levels;
 }
 
 /// The runs of a column, whose changes begin at `i`, if it has any; returns where those of the next begin.
@@ -273,7 +287,7 @@ void ColumnBand::read_wanted(std::uint32_t column, const std::vector<CoverageRun
     }
   }
   // Nothing more than enough: as without.
-  if (!any) bounds.wanted.clear();
+  if (!any && !facts_.wants_ones) bounds.wanted.clear();
 }
 
 void ColumnBand::read_left_alone(std::uint32_t column, std::size_t& i, ColumnBounds& bounds) const {
@@ -295,24 +309,26 @@ void ColumnBand::read_left_alone(std::uint32_t column, std::size_t& i, ColumnBou
 }
 
 /// Gives the slices to the sink, from the last to the first.
-void ColumnBand::show(const std::vector<Change>& levels, const BandCorrector::Sink& sink) {
+void ColumnBand::show(const BandCorrector::Sink& sink) {
   std::vector<std::uint8_t> now(columns_, 0), coverage(columns_);
-  std::size_t next = 0, lit = 0;
+  std::size_t lit = 0;
   for (int n = facts_.all_layers; n-- > 0;) {
-    for (; next < levels.size() && levels[next].at == n; ++next) {
-      std::uint8_t& level = now[levels[next].column];
+    for (Shown& shown : shown_) {
+      if (shown.next != n) continue;
+      std::uint8_t& level = now[shown.column];
       lit += static_cast<std::size_t>(level == 0);
-      level = levels[next].value;
+      level = static_cast<std::uint8_t>(answers_[shown.answer][shown.at++]);
       lit -= static_cast<std::size_t>(level == 0);
+      find_next(shown);
     }
     coded_.read(n, coverage.data());
     sink(n, now.data(), coverage.data(), lit == 0 && (n >= facts_.layers || coded_.black(n)));
   }
 }
 
-std::vector<std::uint8_t> solve_alone(ColumnSolver& solver, const ColumnFacts& facts,
-                                      const std::vector<std::uint8_t>& coverage,
-                                      const std::vector<std::uint8_t>& heights) {
+std::vector<CoverageRun> runs_of(const ColumnFacts& facts,
+                                 const std::vector<std::uint8_t>& coverage,
+                                 const std::vector<std::uint8_t>& heights) {
   const auto height = [&](std::size_t node) {
     return node < heights.size() ? taken_height(facts, heights[node]) : std::uint8_t{0};
   };
@@ -325,8 +341,16 @@ std::vector<std::uint8_t> solve_alone(ColumnSolver& solver, const ColumnFacts& f
     } else {
       runs.push_back({at, at + 1, coverage[n], height(n), 0});
     }
-    runs.back().lower_height = height(n + 1);
+    // Layer by layer, lower edges lie at the window.
+    runs.back().lower_height = facts.lower_at_window ? std::uint8_t{0} : height(n + 1);
   }
+  return runs;
+}
+
+std::vector<std::uint8_t> solve_alone(ColumnSolver& solver, const ColumnFacts& facts,
+                                      const std::vector<std::uint8_t>& coverage,
+                                      const std::vector<std::uint8_t>& heights) {
+  std::vector<CoverageRun> runs = runs_of(facts, coverage, heights);
   const int moved = move_to_begin(facts, runs);
   const std::vector<Level>& levels = solver.solve(runs, {});
   std::vector<std::uint8_t> own(static_cast<std::size_t>(facts.all_layers), 0);

@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The slicecorr authors
 // SPDX-License-Identifier: Apache-2.0
 
-/// Correction of one band, column by column. Coverage and levels are kept as their changes along
-/// columns, and columns that are alike are solved once.
+/// Correction of one band, column by column. Coverage is kept as its changes along columns, levels as two
+/// bytes for each of theirs, and columns that are alike are solved once.
 #pragma once
 
 #include <cstddef>
@@ -28,7 +28,7 @@ class ColumnBand final : public BandSolver {
   /// Coverage of the next layer; null: an empty layer.
   void add_layer(const std::uint8_t* coverage, const std::uint8_t* heights,
                  const std::uint8_t* left_alone) override;
-  void keep_light(BandCorrector::ColumnLevels most) override { most_ = std::move(most); }
+  void keep_light(BandCorrector::ColumnLevels most) override;
   /// Doses that features are to have. To be called before `solve`.
   void want(BandDoses doses) { doses_ = std::move(doses); }
   void solve(const BandCorrector::Sink& sink, const BandCorrector::TileSink& tiles) override;
@@ -41,7 +41,20 @@ class ColumnBand final : public BandSolver {
     std::int32_t at;
     std::uint8_t value, height = 0;
   };
-  std::vector<Change> solve_columns();
+  /// The levels of a column, from the last slice on, while slices are shown.
+  struct Shown {
+    std::uint32_t column;
+    std::uint32_t answer;  ///< in answers_
+    std::int32_t next;     ///< slice at which the level changes next
+    std::uint32_t at = 0;  ///< where the answer says what to
+  };
+  void solve_columns();
+  /// The levels of a column as changes, kept for those that are alike.
+  std::string answer_of(const std::string& key, const std::vector<CoverageRun>& runs,
+                        const ColumnBounds& bounds);
+  void add_answer(std::uint32_t column, int moved, std::string answer);
+  /// Where the level of a column changes after this.
+  void find_next(Shown& shown) const;
   void read_doses();
   /// The doses wanted of a column's full layers; their bytes are added to the key. Columns rise.
   void read_wanted(std::uint32_t column, const std::vector<CoverageRun>& runs, ColumnBounds& bounds,
@@ -49,7 +62,7 @@ class ColumnBand final : public BandSolver {
   std::size_t read_runs(std::size_t i, std::uint32_t column, std::vector<CoverageRun>& runs) const;
   /// What of a column is left alone; `i` goes on to the changes of the next.
   void read_left_alone(std::uint32_t column, std::size_t& i, ColumnBounds& bounds) const;
-  void show(const std::vector<Change>& levels, const BandCorrector::Sink& sink);
+  void show(const BandCorrector::Sink& sink);
 
   std::unique_ptr<ColumnSolver> solver_;
   ColumnFacts facts_;
@@ -66,6 +79,8 @@ class ColumnBand final : public BandSolver {
   std::vector<Change> left_changes_;
   std::vector<std::int16_t> left_before_;  ///< -1: nothing
   int layers_ = 0;
+  std::vector<std::string> answers_;  ///< those of neighbours that are alike once
+  std::vector<Shown> shown_;
 };
 
 }  // namespace slicecorr::detail

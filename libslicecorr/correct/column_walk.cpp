@@ -14,9 +14,6 @@ namespace {
 
 /// So many nodes from an edge features are told what they must have there.
 constexpr int kInside = 12;
-/// Edges so many runs further up than the one at hand are forgotten where a search looks at a column
-/// anew: nothing depends on them.
-constexpr std::size_t kRunsLookedAt = 24;
 
 CureModel multiplied(CureModel model, double factor) {
   for (double& phi : model.level_phi) phi *= factor;
@@ -101,28 +98,35 @@ void ColumnWalk::add(const CureModel& model, int slice, std::uint8_t cover, std:
   }
 }
 
-std::int32_t ColumnWalk::edge_of(WalkSearches& all, std::size_t index) const {
+std::int32_t ColumnWalk::edge_of(WalkSearches& all, std::size_t index) {
+  const auto search = static_cast<std::int32_t>(index);
   Edges& edges = all.of(index).edges;
   const double factor = all.plans().factors[index];
-  std::size_t i = runs_.size() > kRunsLookedAt ? runs_.size() - kRunsLookedAt : 0;
-  while (i > 0 && runs_[i].left_alone) --i;
-  std::int32_t id =
-      runs_[i].left_alone ? Edge::kNone : edges.platform(runs_[i].cover, runs_[i].node);
+  // From the last run on whose edge this search knows.
+  std::size_t i = runs_.size() - 1;
+  while (i > 0 && runs_[i].search != search) --i;
+  if (runs_[i].search != search) {
+    const std::int32_t id =
+        runs_[i].left_alone ? Edge::kNone : edges.platform(runs_[i].cover, runs_[i].node);
+    runs_[i].know(search, id);
+  }
   while (i + 1 < runs_.size()) {
     const ColumnRun& run = runs_[i];
-    const ColumnRun& next = runs_[++i];
+    ColumnRun& next = runs_[++i];
     const int slices = next.node - run.node;
     if (run.left_alone) {
       // At its upper end doses count for more than where the search looks from, and for more still in
       // the last layer of a gap there.
       const bool gap = i > 1 && runs_[i - 2].cover == 0;
       const double there = factor / all.model().returned(run.node - (gap ? 1 : 0));
-      id = edges.through(id, slices, run.light * factor, there, next.cover, next.node);
+      next.know(search,
+                edges.through(run.edge, slices, run.light * factor, there, next.cover, next.node));
     } else {
-      id = edges.next(id, slices, next.left_alone ? run.cover : next.cover, next.height, next.node);
+      next.know(search, edges.next(run.edge, slices, next.left_alone ? run.cover : next.cover,
+                                   next.height, next.node));
     }
   }
-  return id;
+  return runs_.back().edge;
 }
 
 RunAt ColumnWalk::run_for(WalkSearches& all, std::size_t index) {

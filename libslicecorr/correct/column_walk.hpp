@@ -47,6 +47,12 @@ struct ColumnRun {
   std::uint8_t height = kEdgeAtNode;  ///< edge height of its upper end
   bool left_alone = false;
   double light = 0;  ///< left alone: dose that its slices make at its upper end
+  /// Its upper edge as one of the searches has it: the one that was asked last; -1: none was.
+  std::int32_t search = -1, edge = Edge::kNone;
+  void know(std::int32_t by_search, std::int32_t its_edge) {
+    search = by_search;
+    edge = its_edge;
+  }
 };
 
 /// The searches of a band, one per plan. Not thread-safe.
@@ -107,7 +113,7 @@ class ColumnWalk {
   /// Whether what lies above the last run asks nothing: the platform, or what is left alone.
   bool free_above() const { return runs_.size() < 2 || runs_[runs_.size() - 2].left_alone; }
   /// The upper edge of the last run, as the search `index` has it.
-  std::int32_t edge_of(WalkSearches& all, std::size_t index) const;
+  std::int32_t edge_of(WalkSearches& all, std::size_t index);
   /// After the last slice.
   void begin(int slices) { lower_ = slices; }
 
@@ -147,6 +153,11 @@ class ColumnWalk {
   }
   /// The last run of those that are left, as the search `index` has it.
   RunAt run_for(WalkSearches& all, std::size_t index);
+  /// The search of slice n, of that run.
+  static std::size_t search_of(const WalkSearches& all, const ColumnRun& run, int n) {
+    const bool grey = run.cover != 0 && run.cover != kFull;
+    return all.plans().at(grey ? n : run.node);
+  }
   /// The level nearest to `level` with which the layer of slice n, of a feature, prints and keeps its
   /// cap. `near`: levels are chosen for the edge that comes, and only the cap is seen to.
   int seen_to(const WalkSearches& all, const RunAt& run, int n, double far, int level,
@@ -168,8 +179,7 @@ template <typename Far, typename Chooser>
 int ColumnWalk::choose(WalkSearches& all, int n, Far far, Chooser& chooser) {
   const ColumnRun& here = run_at(n);
   if (left_ > 0 && !Chooser::kLooks) return levels_[count_ - left_--];
-  const bool grey = here.cover != 0 && here.cover != kFull;
-  const std::size_t index = all.plans().at(grey ? n : here.node);
+  const std::size_t index = search_of(all, here, n);
   const RunAt run = run_for(all, index);
   WalkSearches::Search& search = all.of(index);
   const ContinuousPlan& p = search.edges.plan();
@@ -206,9 +216,7 @@ int ColumnWalk::choose(WalkSearches& all, int n, Far far, Chooser& chooser) {
 
 template <typename Far>
 double ColumnWalk::exact(WalkSearches& all, int n, Far far) {
-  const ColumnRun& here = run_at(n);
-  const bool grey = here.cover != 0 && here.cover != kFull;
-  const std::size_t index = all.plans().at(grey ? n : here.node);
+  const std::size_t index = search_of(all, run_at(n), n);
   const RunAt run = run_for(all, index);
   WalkSearches::Search& search = all.of(index);
   const ContinuousPlan& p = search.edges.plan();

@@ -9,6 +9,7 @@
 #include <cmath>
 #include <cstdint>
 
+#include "correct/layer_walk.hpp"
 #include "slicecorr/correct.hpp"
 #include "slicecorr/target.hpp"
 
@@ -40,6 +41,18 @@ struct LayerLight {
 /// Dose of a black slice at its window; 0 for that of the platform's far side.
 inline double dark_window(const CorrectionPlan& plan, int n) {
   return n < 0 ? 0.0 : plan.levels.phi(0) * plan.model.ratio(n);
+}
+
+/// What layer n of a run has. `after`: dose that later slices leave at its window.
+inline LayerLight light_of_layer(const CorrectionPlan& plan, const LayerRun& run, int n,
+                                 double after) {
+  const std::uint8_t height = n == run.first ? run.height : std::uint8_t{0};
+  return {plan, plan.model.ratio(n), after, dark_window(plan, n - 1), height, n};
+}
+
+/// How far below its upper node the edge of a run belongs, slices.
+inline double edge_below(const LayerRun& run) {
+  return run.height == 0 ? 0.0 : edge_height_slices(run.height);
 }
 
 /// The lowest level whose dose at the layer's upper node reaches `edge`.

@@ -2,15 +2,17 @@
 // SPDX-License-Identifier: Apache-2.0
 
 #include <algorithm>
-#include <cmath>
-#include <tuple>
+#include <cstddef>
+#include <memory>
 #include <utility>
 
 #include "correct/band_solvers.hpp"
-#include "correct/column_walk.hpp"
+#include "correct/column_band.hpp"
 #include "correct/inhibited_plan.hpp"
-#include "correct/level_search.hpp"
+#include "correct/layer_column.hpp"
 #include "correct/merged_slits.hpp"
+#include "correct/tried_column.hpp"
+#include "correct/walked_column.hpp"
 #include "slicecorr/correct.hpp"
 #include "slicecorr/error.hpp"
 
@@ -18,98 +20,54 @@ namespace slicecorr {
 
 namespace {
 
-/// Walks one column from the last slice to the first: `choose(run, n, below)` gives how many slices
-/// it decided, `step(n, below)` the dose at the upper node of each.
-template <typename Choose, typename Step>
-void walk_column(const CorrectionPlan& plan, detail::Edges& edges,
-                 const std::vector<std::uint8_t>& coverage,
-                 const std::vector<std::uint8_t>& heights, Choose choose, Step step) {
-  using detail::kFull;
-  const int all = plan.all_layers;
-  std::vector<std::uint8_t> solved(static_cast<std::size_t>(std::max(all, 0)), 0);
-  std::copy_n(coverage.begin(), std::min(plan.layers, all), solved.begin());
-  if (all <= 0) return;
-  detail::RunAt run;
-  run.edge = edges.platform(solved.front());
-  run.lower = all;
-  // Edges beyond an endless run can't be found from the edge below it: the column keeps its own
-  // list.
-  std::vector<std::pair<std::int32_t, std::int32_t>> passed;
-  for (int n = 1; n < all; ++n) {
-    const std::uint8_t c = solved[static_cast<std::size_t>(n)];
-    if (c == solved[static_cast<std::size_t>(n - 1)]) continue;
-    passed.emplace_back(run.edge, run.node);
-    const auto node = static_cast<std::size_t>(n);
-    const std::uint8_t height = node < heights.size() ? heights[node] : std::uint8_t{0};
-    run.edge = edges.next(run.edge, n - run.node, c, height != 0 ? height : kEdgeAtNode, n);
-    run.node = n;
-  }
-  double omega = 0;
-  int left = 0;
-  for (int n = all; n-- > 0;) {
-    if (n < run.node) {
-      run = detail::run_above(edges, run);
-      std::tie(run.edge, run.node) = passed.back();
-      passed.pop_back();
-    }
-    if (left == 0) left = choose(run, n, omega);
-    --left;
-    omega = step(n, omega);
-  }
+/// What a band needs to know of columns whose doses are sums of light.
+detail::ColumnFacts facts_of_sums(const CorrectionPlan& plan) {
+  detail::ColumnFacts facts;
+  facts.layers = plan.layers;
+  facts.all_layers = plan.all_layers;
+  facts.lower_at_window = plan.model.mode == ExposureMode::layerwise;
+  facts.height_steps = 254;  // as they are (edge_height_slices)
+  facts.solved = std::make_shared<detail::SolvedColumns>();
+  facts.levels = plan.levels.size();
+  facts.wants_ones = true;
+  facts.keeps_caps = false;
+  return facts;
 }
 
-/// Levels of a column in continuous exposure that isn't plain: a band of one column.
-std::vector<std::uint8_t> solve_stepwise(const CorrectionPlan& plan,
-                                         const std::vector<std::uint8_t>& coverage,
-                                         const std::vector<std::uint8_t>& heights) {
-  BandCorrector band(plan, 1);
-  for (std::size_t n = 0; n < static_cast<std::size_t>(std::max(plan.layers, 0)); ++n) {
-    band.add_layer(&coverage[n], n < heights.size() ? &heights[n] : nullptr);
-  }
-  const auto last = static_cast<std::size_t>(plan.layers);
-  if (last < heights.size()) band.add_layer(nullptr, &heights[last]);
-  std::vector<std::uint8_t> levels(static_cast<std::size_t>(plan.all_layers));
-  band.solve([&](int n, const std::uint8_t* level, const std::uint8_t*, bool) {
-    levels[static_cast<std::size_t>(n)] = *level;
-  });
-  return levels;
+/// The solver of a plan's columns, of any model but UV light.
+detail::SolvedBy solver_of(const CorrectionPlan& plan, bool wants_doses) {
+  if (plan.tried) return {detail::make_tried_column(*plan.tried), plan.tried->facts()};
+  const detail::ColumnFacts facts = facts_of_sums(plan);
+  const bool layers = plan.model.mode == ExposureMode::layerwise;
+  return {layers ? detail::make_layer_column(plan, wants_doses)
+                 : detail::make_walked_column(plan, wants_doses),
+          facts};
 }
 
-/// The same without rounding to levels.
-void walk_stepwise(const CorrectionPlan& plan, const std::vector<std::uint8_t>& coverage,
-                   const std::vector<std::uint8_t>& heights, std::vector<double>& phi) {
-  detail::WalkSearches searches(plan, true);
-  detail::ColumnWalk walk;
-  const auto cover = [&](int n) {
-    return n >= 0 && n < plan.layers ? coverage[static_cast<std::size_t>(n)] : std::uint8_t{0};
-  };
-  for (int n = 0; n < plan.all_layers; ++n) {
-    const auto k = static_cast<std::size_t>(n);
-    walk.add(plan.model, n, cover(n), k < heights.size() ? heights[k] : std::uint8_t{0}, false,
-             0.0);
-  }
-  walk.begin(plan.all_layers);
-  const int bath = plan.model.bath_slices;
-  const auto far = [&](int n) {
-    const bool shown = bath > 0 && n + bath < plan.all_layers;
-    return shown ? phi[static_cast<std::size_t>(n + bath)] : 0.0;
-  };
-  for (int n = plan.all_layers; n-- > 0;) {
-    const double light = walk.exact(searches, n, far);
-    phi[static_cast<std::size_t>(n)] = light;
-    walk.pass(plan.model, n, light, far(n));
-  }
+std::unique_ptr<detail::ColumnBand> band_of(const CorrectionPlan& plan, std::size_t columns,
+                                            bool wants_doses) {
+  detail::SolvedBy by = solver_of(plan, wants_doses);
+  return std::make_unique<detail::ColumnBand>(std::move(by.solver), by.facts, columns);
 }
 
-std::unique_ptr<detail::BandSolver> solver_of(const CorrectionPlan& plan, std::size_t columns,
-                                              bool leaves_alone) {
+std::unique_ptr<detail::BandSolver> band_solver(const CorrectionPlan& plan, std::size_t columns,
+                                                bool leaves_alone) {
   if (plan.model.inhibited()) return detail::make_inhibited_solver(plan, columns);
-  if (plan.tried) return detail::make_tried_solver(plan, columns);
-  if (plan.model.mode == ExposureMode::layerwise) {
-    return detail::make_layerwise_solver(plan, columns);
+  if (plan.model.is_plain() && !leaves_alone) return detail::make_continuous_solver(plan, columns);
+  return band_of(plan, columns, false);
+}
+
+std::unique_ptr<detail::BandSolver> band_solver(const CorrectionPlan& plan, std::size_t columns,
+                                                BandDoses doses) {
+  if (plan.model.inhibited()) {
+    if (!plan.inhibited->even) {
+      return detail::make_inhibited_solver(plan, columns, std::move(doses));
+    }
+    throw Error("doses are wanted where light is even over the flow");
   }
-  if (leaves_alone || !plan.model.is_plain()) return detail::make_stepwise_solver(plan, columns);
-  return detail::make_continuous_solver(plan, columns);
+  auto band = band_of(plan, columns, true);
+  band->want(std::move(doses));
+  return band;
 }
 
 std::unique_ptr<detail::BandSolver> with_slits(const CorrectionPlan& plan, std::size_t columns,
@@ -133,10 +91,10 @@ struct BandCorrector::Impl {
 
 BandCorrector::BandCorrector(const CorrectionPlan& plan, std::size_t columns, bool leaves_alone)
     : impl_(std::make_unique<Impl>(
-          with_slits(plan, columns, solver_of(plan, columns, leaves_alone)))) {}
+          with_slits(plan, columns, band_solver(plan, columns, leaves_alone)))) {}
 BandCorrector::BandCorrector(const CorrectionPlan& plan, std::size_t columns, BandDoses doses)
-    : impl_(std::make_unique<Impl>(with_slits(
-          plan, columns, detail::make_graded_solver(plan, columns, std::move(doses))))) {}
+    : impl_(std::make_unique<Impl>(
+          with_slits(plan, columns, band_solver(plan, columns, std::move(doses))))) {}
 BandCorrector::~BandCorrector() = default;
 BandCorrector::BandCorrector(BandCorrector&&) noexcept = default;
 void BandCorrector::add_layer(const std::uint8_t* coverage, const std::uint8_t* heights,
@@ -155,29 +113,24 @@ std::vector<std::uint8_t> solve_column(const CorrectionPlan& plan,
                                        const std::vector<std::uint8_t>& heights) {
   const std::vector<std::uint8_t> solved = detail::merged_slits(plan, coverage);
   if (plan.model.inhibited()) return detail::solve_inhibited_column(plan, solved, heights);
-  if (plan.tried) return detail::solve_tried_column(plan, solved, heights);
-  if (plan.model.mode == ExposureMode::layerwise) {
-    return detail::solve_layerwise_column(plan, solved, heights);
+  const detail::SolvedBy by = solver_of(plan, false);
+  return detail::solve_alone(*by.solver, by.facts, solved, heights);
+}
+
+std::vector<std::uint8_t> solve_graded_column(const CorrectionPlan& plan, const DoseScale& scale,
+                                              const std::vector<std::uint8_t>& coverage,
+                                              const std::vector<std::uint8_t>& doses,
+                                              const std::vector<std::uint8_t>& heights) {
+  if (plan.model.inhibited() || plan.tried) {
+    throw Error("doses are wanted of a model that is not one of sums of light");
   }
-  if (!plan.model.is_plain()) return solve_stepwise(plan, solved, heights);
-  std::vector<std::uint8_t> levels(static_cast<std::size_t>(plan.all_layers));
-  const detail::ContinuousPlan& p = *plan.continuous;
-  detail::Edges edges(p);
-  detail::LevelSearch search(edges);
-  std::uint8_t chosen[detail::LevelSearch::kMost];
-  int first = 0;
-  walk_column(
-      plan, edges, solved, heights,
-      [&](const detail::RunAt& run, int n, double below) {
-        first = n;
-        return search.choose(run, n, below, chosen);
-      },
-      [&](int n, double below) {
-        const std::uint8_t index = chosen[first - n];
-        levels[static_cast<std::size_t>(n)] = p.level_of[index];
-        return plan.model.step(p.levels.phi(index), below);
-      });
-  return levels;
+  detail::ColumnBounds bounds;
+  bounds.side = scale.side;
+  for (const std::uint8_t byte : doses) bounds.wanted.push_back(scale.dose[byte]);
+  bounds.wanted.resize(static_cast<std::size_t>(std::max(plan.layers, 0)), 1.0);
+  const detail::SolvedBy by = solver_of(plan, true);
+  const std::vector<std::uint8_t> solved = detail::merged_slits(plan, coverage);
+  return by.solver->solve(detail::runs_of(by.facts, solved, heights), bounds);
 }
 
 std::vector<double> solve_column_exactly(const CorrectionPlan& plan,
@@ -192,26 +145,9 @@ std::vector<double> solve_column_exactly(const CorrectionPlan& plan,
     }
     return phi;
   }
-  if (plan.model.mode == ExposureMode::layerwise)
-    return detail::solve_layerwise_column_exactly(plan, solved, heights);
-  std::vector<double> phi(static_cast<std::size_t>(plan.all_layers));
-  if (!plan.model.is_plain()) {
-    walk_stepwise(plan, solved, heights, phi);
-    return phi;
-  }
-  const detail::ContinuousPlan p(plan.model, plan.process, plan.all_layers, true);
-  detail::Edges edges(p);
-  const detail::LevelSearch search(edges);
-  walk_column(
-      plan, edges, solved, heights,
-      [&](const detail::RunAt& run, int n, double below) {
-        phi[static_cast<std::size_t>(n)] = search.exact(run, n, below);
-        return 1;
-      },
-      [&](int n, double below) {
-        return plan.model.step(phi[static_cast<std::size_t>(n)], below);
-      });
-  return phi;
+  const auto runs = detail::runs_of(facts_of_sums(plan), solved, heights);
+  return plan.model.mode == ExposureMode::layerwise ? detail::solve_layers_exactly(plan, runs)
+                                                    : detail::solve_walked_exactly(plan, runs);
 }
 
 }  // namespace slicecorr

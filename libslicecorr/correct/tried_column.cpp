@@ -7,10 +7,9 @@
 #include <cmath>
 #include <limits>
 
-#include "correct/band_solvers.hpp"
-#include "correct/column_band.hpp"
 #include "correct/coverage.hpp"
 #include "correct/tried_doses.hpp"
+#include "cure/margin.hpp"
 #include "cure/own_exposure.hpp"
 #include "slicecorr/target.hpp"
 #include "slicecorr/units.hpp"
@@ -579,25 +578,6 @@ std::unique_ptr<ColumnSolver> make_tried_column(const TriedPlan& plan) {
     return std::make_unique<TriedColumn<SteppedDoses<BleachingSteps>>>(plan);
   }
   return std::make_unique<TriedColumn<GelTimeDoses>>(plan);
-}
-
-std::unique_ptr<BandSolver> make_tried_solver(const CorrectionPlan& plan, std::size_t columns) {
-  const TriedPlan& p = *plan.tried;
-  return std::make_unique<ColumnBand>(make_tried_column(p), p.facts(), columns);
-}
-
-std::unique_ptr<BandSolver> make_tried_solver(const CorrectionPlan& plan, std::size_t columns,
-                                              BandDoses doses) {
-  const TriedPlan& p = *plan.tried;
-  auto band = std::make_unique<ColumnBand>(make_tried_column(p), p.facts(), columns);
-  band->want(std::move(doses));
-  return band;
-}
-
-std::vector<std::uint8_t> solve_tried_column(const CorrectionPlan& plan,
-                                             const std::vector<std::uint8_t>& coverage,
-                                             const std::vector<std::uint8_t>& heights) {
-  return solve_alone(*make_tried_column(*plan.tried), plan.tried->facts(), coverage, heights);
 }
 
 }  // namespace slicecorr::detail

@@ -39,10 +39,10 @@ constexpr double kTableSetsPerThread = 4;
 /// Lamps that change by themselves from slice to slice take so few settings, mostly.
 constexpr int kLampSettings = 30;
 
-/// Rows of a band at most, and what is kept of each of its columns where they are solved slice by
-/// slice: where it stands, and, of each slice in the bath, what the correction, the corrected and the
-/// uncorrected prediction hold. Searches of a plan, and the plan.
-constexpr double kBandRows = 32, kColumnBytes = 320, kCutBytes = 200, kBathBytes = 3,
+/// Rows of a band at most, and what is kept of each of its columns where they are solved one by one: its
+/// runs and changes of levels, and, of each slice in the bath, what the corrected and the uncorrected
+/// prediction hold. Searches of a plan, and the plan.
+constexpr double kBandRows = 32, kColumnBytes = 320, kCutBytes = 200, kBathBytes = 2,
                  kSearchBytes = 256 * 1024;
 
 /// Tables of all models of a display: `PlaceModels` lets up to 64 neighbouring values share one
@@ -118,13 +118,14 @@ void look_at_light(const SliceSource& slices, const Printer& printer, const Proc
         std::count_if(counts.begin(), counts.end(), [](std::uint64_t n) { return n > 0; }));
   }
   const bool continuous = plan.model.is_continuous();
-  facts.stepwise = continuous && (facts.left_alone || !plan.model.is_plain());
+  const bool sums = !plan.inhibited && !plan.tried;
+  facts.stepwise = sums && (facts.left_alone || !plan.model.is_plain());
   facts.bath_slices = plan.model.bath_slices;
   facts.mirrored_slices = continuous ? std::min(plan.model.mirrored_slices, plan.all_layers) : 0;
   if (plan.model.gel_time())
     facts.cut_slices = std::min(
         std::max(plan.model.gel_time()->reach(), plan.model.bath_slices + 1), facts.slices);
-  facts.solved_whole = plan.inhibited || plan.tried;
+  facts.solved_whole = !sums || facts.stepwise;
   if (!plan.model.inhibited()) return;
   facts.tables_bytes = plan.model.inhibited()->table_bytes();
   const UvSchedule& uv = process.uv;

@@ -28,7 +28,7 @@ struct MemoryFacts {
   int lights = 1;             ///< different values of light over the part's box
   double tables_bytes = 0;    ///< of a value's model under UV light; 0 without
   bool left_alone = false;    ///< something is left alone beside the part
-  bool stepwise = false;      ///< columns are solved slice by slice: not plain, continuous
+  bool stepwise = false;      ///< columns of sums of light are solved one by one
   int bath_slices = 0;        ///< of resin above the window; 0: without end
   int cut_slices = 0;         ///< slices in which cuts of light are looked for, with a time to gel
   int mirrored_slices = 0;    ///< below the platform, with plans of their own

@@ -78,12 +78,11 @@ void GrowingBodies::grow(Label label, const Patch& patch, int more) {
   b.area_row2 += more * (end - begin) * (2 * patch.row + 1);
 }
 
-void GrowingBodies::add(Label label, const Patch& patch, int slices) {
+void GrowingBodies::add(Label label, const Volume& volume) {
   GrowingBody& b = body(root(label));
-  const std::int64_t begin = patch.begin, end = patch.end;
-  b.voxels += static_cast<std::uint64_t>((end - begin) * slices);
-  b.column2 += static_cast<__int128>(end * end - begin * begin) * slices;
-  b.row2 += static_cast<__int128>((end - begin) * (2 * patch.row + 1)) * slices;
+  b.voxels += static_cast<std::uint64_t>(volume.voxels);
+  b.column2 += volume.column2;
+  b.row2 += volume.row2;
 }
 
 GrowingBodies::Label GrowingBodies::unite(Label a, Label b) {

@@ -64,6 +64,22 @@ class GrowingBodies {
   struct Patch {
     std::int32_t row = 0, begin = 0, end = 0;
   };
+  /// Voxels, with sums of twice their middles.
+  struct Volume {
+    std::int64_t voxels = 0, column2 = 0, row2 = 0;
+    /// Of a patch in so many slices; negative: less of it.
+    static Volume of(const Patch& patch, int slices) {
+      const std::int64_t begin = patch.begin, end = patch.end;
+      return {(end - begin) * slices, (end * end - begin * begin) * slices,
+              (end - begin) * (2 * patch.row + 1) * slices};
+    }
+    Volume& operator+=(const Volume& more) {
+      voxels += more.voxels;
+      column2 += more.column2;
+      row2 += more.row2;
+      return *this;
+    }
+  };
   /// `listener` must outlive this.
   explicit GrowingBodies(BodyListener& listener) : listener_(listener) {}
 
@@ -84,8 +100,8 @@ class GrowingBodies {
   std::size_t size() const { return parent_.size(); }
   /// Each slice from now on has so many of this patch more of the body, or less.
   void grow(Label label, const Patch& patch, int more);
-  /// The body had so many more of this patch in slices before the one at hand, or less.
-  void add(Label label, const Patch& patch, int slices);
+  /// The body had so much more in slices before the one at hand, or less.
+  void add(Label label, const Volume& volume);
   /// Gives the label of both.
   Label unite(Label a, Label b);
   int slice() const { return slice_; }  ///< the one at hand

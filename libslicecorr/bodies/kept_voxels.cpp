@@ -393,6 +393,7 @@ void KeptVoxels::follow_solids(const Followed& what, const PixelBox& box, int st
         });
         strip.end_slice(more);
       });
+      strip.make_room();
     });
     strips.pass(past);
   }

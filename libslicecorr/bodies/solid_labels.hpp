@@ -38,6 +38,8 @@ class SolidLabels {
   /// Whether all that has this label hangs on what all hangs on as soon as it is there: of such a body no
   /// sums are asked for.
   bool anchored(Label root) const { return known_[root].anchored; }
+  /// The step in which its body begins.
+  int begins(Label root) const { return known_[root].begins; }
   void set_anchored(Label root) { known_[root].anchored = true; }
   /// Its label among the bodies of all strips; kNone: it has not begun.
   Label& body(Label root) { return known_[root].body; }

@@ -243,7 +243,10 @@ void SolidRows::gel_step(GrowingBodies& bodies) {
     if (bodies.anchored(body)) labels_.set_anchored(root);
     return body;
   };
-  for (const Sum& s : now.sums) bodies.add(body_of(s.label), s.patch, s.slices);
+  for (const Sum& s : now.sums) {
+    bodies.add(body_of(s.label), GrowingBodies::Volume::of(s.patch, s.slices));
+  }
+  for (const Total& t : now.totals) bodies.add(body_of(t.label), t.volume);
   for (const Beginning& b : now.begins) {
     const Label root = labels_.root(b.label);
     Label& body = labels_.body(root);

@@ -73,6 +73,10 @@ class SolidRows {
   /// After the last slice: what has not gelled yet does so before anything is judged.
   void end();
 
+  /// Makes room where much waits: what waits for the same step and has become one body is put together, and
+  /// what is no news any more goes. No figure depends on it.
+  void make_room();
+
   SolidLabels& labels() { return labels_; }
   /// Places that have labels: runs and what waits.
   std::size_t labelled() const { return runs_ + waiting_; }
@@ -92,6 +96,7 @@ class SolidRows {
     }
     for (Bucket& bucket : buckets_) {
       for (Sum& s : bucket.sums) keep(s.label);
+      for (Total& t : bucket.totals) keep(t.label);
       for (Beginning& b : bucket.begins) keep(b.label);
       for (Patched& p : bucket.grows) keep(p.label);
       for (Patched& p : bucket.ends) keep(p.label);
@@ -121,6 +126,11 @@ class SolidRows {
   struct Sum : Patched {
     int slices;
   };
+  /// Of many sums.
+  struct Total {
+    Label label;
+    GrowingBodies::Volume volume;
+  };
   struct Edge {
     Label a = SolidLabels::kNone, b = SolidLabels::kNone;
   };
@@ -133,15 +143,18 @@ class SolidRows {
   /// What happens in a step.
   struct Bucket {
     std::vector<Sum> sums;  ///< what gelled in the step before, but for that of `grows` and `ends`
+    std::vector<Total> totals;  ///< the same
     std::vector<Beginning> begins;
     std::vector<Patched> grows;  ///< runs that gel slice by slice from this step on
     std::vector<Patched> ends;   ///< those of which all has gelled
     std::vector<Edge> edges;     ///< of runs that share a face, which have both gelled now
     std::size_t size() const {
-      return sums.size() + begins.size() + grows.size() + ends.size() + edges.size();
+      return sums.size() + totals.size() + begins.size() + grows.size() + ends.size() +
+             edges.size();
     }
   };
   class RowChange;
+  class RoomMaker;
 
   int step_of(int n) const { return n >> log2_step_; }
   /// The step of slice n or, if that is past, the one at hand.
@@ -175,6 +188,7 @@ class SolidRows {
   std::size_t runs_ = 0;
   std::vector<Bucket> buckets_;  ///< of steps from the one at hand on, a power of two of them
   std::size_t waiting_ = 0;      ///< in buckets
+  std::size_t kept_ = 0;         ///< of these, when room was made last
 };
 
 }  // namespace slicecorr::detail

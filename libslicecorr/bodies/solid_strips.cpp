@@ -107,7 +107,10 @@ void SolidStrips::change_row(int y, std::span<const SolidRows::Change> changes) 
 }
 
 void SolidStrips::end_slice(int more) {
-  for (SolidRows& s : strips_) s.end_slice(more);
+  for (SolidRows& s : strips_) {
+    s.end_slice(more);
+    s.make_room();
+  }
   slices_ += 1 + more;
   pass(slices_);
 }

@@ -456,10 +456,12 @@ Correction StackCorrection::result() {
   if (with_before_) result.before = of_whole_image(before_, plans_.layers());
   // Side by side: each follows slice by slice.
   parallel_for(detail::silent(context_), "", with_before_ ? 2 : 1, [&](std::size_t i) {
-    const detail::PrintedBodies& bodies = i == 0 ? *bodies_ : *bodies_before_;
+    std::optional<detail::PrintedBodies>& bodies = i == 0 ? bodies_ : bodies_before_;
     const Grid& grid = i == 0 ? grid_ : target_.grid();
     (i == 0 ? result.after : *result.before).bodies =
-        bodies.judge(grid, target_.frame(), model().heights, setup_.least_neck_mm2);
+        bodies->judge(grid, target_.frame(), model().heights, setup_.least_neck_mm2);
+    // A report is made while this stays: what was kept of voxels makes room for it.
+    bodies.reset();
   });
   result.after.maps = std::make_shared<const SurfaceMaps>(surface_after_.maps());
   if (!with_before_) return result;

@@ -158,7 +158,7 @@ nlohmann::ordered_json kernel_json(const InhibitedKernel& kernel, int layers) {
 
 }  // namespace
 
-std::string page_data(ReducedVolume v, const CureModel& model, const Grid& grid,
+std::string page_data(const ReducedVolume& volume, const CureModel& model, const Grid& grid,
                       const std::array<int, 3>& start, const ExecutionContext& context) {
   // Makes `count` packed fields; true when they fit together.
   const auto fit = [&](std::size_t most, std::size_t count, Bytes* packed,
@@ -173,12 +173,18 @@ std::string page_data(ReducedVolume v, const CureModel& model, const Grid& grid,
     return sum <= most;
   };
   Bytes states[2];
-  for (;; v = coarser(v)) {
-    const std::size_t most = v.cells() < 1000 ? SIZE_MAX : kStateBudget;
-    if (fit(most, 2, states, [&](std::size_t i) { return i ? v.after.state : v.before.state; })) {
-      break;
-    }
+  ReducedVolume fewer;  // cells, where all do not fit
+  const ReducedVolume* fitting = &volume;
+  const auto states_fit = [&] {
+    const std::size_t most = fitting->cells() < 1000 ? SIZE_MAX : kStateBudget;
+    return fit(most, 2, states,
+               [&](std::size_t i) { return i ? fitting->after.state : fitting->before.state; });
+  };
+  while (!states_fit()) {
+    fewer = coarser(*fitting);
+    fitting = &fewer;
   }
+  const ReducedVolume& v = *fitting;
   nlohmann::ordered_json j;
   j["box"] = {v.box.x0, v.box.y0, v.box.x1, v.box.y1};
   j["image"] = {grid.width_px, grid.height_px};

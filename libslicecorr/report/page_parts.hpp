@@ -35,7 +35,7 @@ page::Markup comparison_table(const ComparisonTable& comparison);
 
 /// What the page's script reads: the volume and the model as JSON, arrays deflated in base 64. Made
 /// coarser where it would be more than a few MB. `start`: the voxel shown first.
-std::string page_data(ReducedVolume volume, const CureModel& model, const Grid& grid,
+std::string page_data(const ReducedVolume& volume, const CureModel& model, const Grid& grid,
                       const std::array<int, 3>& start, const ExecutionContext& context);
 
 }  // namespace slicecorr::detail

@@ -36,15 +36,18 @@ TEST(MemoryNeed, OfAPlainPartIsProgramMeshPiecesAndABand) {
   f.voxels = 100'000'000;
   const double mesh = 100e6 / kMiB, pieces = 0.2 * 1e8 / kMiB;
   const double thread = 16 + 32.0 * 2560 * 100 / kMiB + 8192.0 * 1000 / kMiB + band_mb(2560, 1000);
-  const double bodies = 0.05 * 1e8 / kMiB;
+  // Of what hangs together: what is kept, and 16 bytes for each column while it is followed.
+  const double bodies = 0.05 * 1e8 / kMiB + 16 * 1e8 / 1000 / kMiB;
   EXPECT_EQ(memory_needs(f).thread_mb, with_half(thread));
   EXPECT_EQ(memory_needs(f).base_mb, with_half(70 + mesh + pieces + bodies + thread));
-  // Pieces beyond 64 MiB wait on the disk, and of bodies what is beyond 32: any larger part needs no more.
+  // Pieces beyond 64 MiB wait on the disk, and of bodies what is beyond 16: more is asked for columns alone.
   f.voxels = std::int64_t{1} << 40;
+  const auto followed = [](double voxels) { return 16 * voxels / 1000 / kMiB; };
   const std::int64_t large = memory_needs(f).base_mb;
-  EXPECT_EQ(large, with_half(70 + mesh + 64 + 32 + thread));
+  EXPECT_EQ(large, with_half(70 + mesh + 64 + 16 + followed(0x1p40) + thread));
   f.voxels *= 16;
-  EXPECT_EQ(memory_needs(f).base_mb, large);
+  EXPECT_EQ(memory_needs(f).base_mb, with_half(70 + mesh + 64 + 16 + followed(0x1p44) + thread));
+  f.voxels /= 16;
   // Rounds of columns that are corrected together keep 80 MiB, whatever the part.
   f.together = true;
   EXPECT_NEAR(static_cast<double>(memory_needs(f).base_mb - large), 1.5 * 80, 1);

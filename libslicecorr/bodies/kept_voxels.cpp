@@ -21,7 +21,7 @@ namespace slicecorr::detail {
 
 namespace {
 
-constexpr std::size_t kMemory = std::size_t{32} << 20;
+constexpr std::size_t kMemory = std::size_t{16} << 20;
 /// Codes are kept in pieces of about this size, which end where a slice does.
 constexpr std::size_t kPiece = std::size_t{4} << 10;
 

@@ -54,8 +54,10 @@ double all_tables_bytes(const MemoryFacts& f) {
 
 /// What hangs together is looked for in all predictions: changes of voxels are kept, at most so much (more
 /// waits on the disk), and of a band at work each change of each column. Seen of a lattice, the most
-/// there is: 340 bytes a column.
-constexpr double kBodiesMb = 32, kBodiesBytesPerVoxel = 0.05, kBodiesColumnBytes = 384;
+/// there is: 340 bytes a column. While it is followed, runs of a slice and what waits to gel: seen of a
+/// lattice on 7.9 million columns, 15 bytes for each column of its box.
+constexpr double kBodiesMb = 16, kBodiesBytesPerVoxel = 0.05, kBodiesColumnBytes = 384,
+                 kFollowedColumnBytes = 16;
 
 /// A solved column that is kept; most take some hundred.
 constexpr double kSolvedBytes = 2048;
@@ -79,8 +81,10 @@ MemoryNeeds memory_needs(const MemoryFacts& f) {
   grid.width_px = f.width_px;
   grid.layers = f.slices;
   thread += f.width_px * band_rows(grid) * kBodiesColumnBytes / kMb;
+  const double columns = static_cast<double>(f.voxels) / std::max(f.slices, 1);
   const double bodies =
-      std::min(kBodiesMb, kBodiesBytesPerVoxel * static_cast<double>(f.voxels) / kMb);
+      std::min(kBodiesMb, kBodiesBytesPerVoxel * static_cast<double>(f.voxels) / kMb) +
+      kFollowedColumnBytes * columns / kMb;
   const double tables = all_tables_bytes(f) / kMb;
   double models = kTableSets * tables;
   thread += kTableSetsPerThread * tables;
@@ -98,7 +102,6 @@ MemoryNeeds memory_needs(const MemoryFacts& f) {
     thread += f.lights * kLightBytesPerSlice * f.slices / kMb;
   }
   if (f.solved_whole) {
-    const double columns = static_cast<double>(f.voxels) / std::max(f.slices, 1);
     models += std::min<double>(detail::SolvedColumns::kMostBytes, kSolvedBytes * columns) / kMb;
   }
   if (f.together) models += kTogetherMb;

@@ -16,6 +16,7 @@
 #include "slicecorr/error.hpp"
 #include "slicecorr/tomo/print.hpp"
 #include "slicecorr/tomo/report.hpp"
+#include "slicecorr/tomo/section.hpp"
 #include "slicecorr/vial.hpp"
 #include "slicecorr/vial_outline.hpp"
 #include "snell.hpp"
@@ -476,9 +477,67 @@ TEST(TomoTraced, SolvingCountsIt) {
   const Box<float> dose = dose_of(counted.job);
   EXPECT_NE(report_page({counted.job, dose, counted.figures}, "a ring").find("a ring"),
             std::string::npos);
+  // A section shows the rod, and what lies beyond the wall as no resin. The part is 9 voxels wide, the resin
+  // 13 and the margin 2.
+  const PrintSection cut = sections_of({counted.job, dose, counted.figures}, {{Axis::z, 0}})[0];
+  EXPECT_EQ(std::count(cut.matter.begin(), cut.matter.end(), Matter::insert), 9);
+  EXPECT_EQ(std::count(cut.matter.begin(), cut.matter.end(), Matter::nothing), 0);
+  EXPECT_EQ(cut.width, 13);
+  const PrintSection along = sections_of({counted.job, dose, counted.figures}, {{Axis::x, 1.7}})[0];
+  EXPECT_EQ(std::count(along.matter.begin(), along.matter.end(), Matter::nothing),
+            static_cast<std::ptrdiff_t>(along.matter.size()));
   // The rod is neither part nor void, resin beside it is.
   EXPECT_EQ(counted.job.insert.values[counted.job.insert.at(0, c, c)], 255);
   EXPECT_EQ(counted.job.insert.values[counted.job.insert.at(0, c, c + 3)], 0);
+}
+
+/// Two doses beside each other in a square vial: all within, as the judge's doses say by a count of their own; and
+/// nothing is wanted in its wall.
+TEST(TomoTraced, WantedDosesInASquareVial) {
+  const Printer p = square_printer(0, 1);
+  const int n = voxels_across(p, 0.25), c = n / 2;
+  WantedValues v{
+      {1, n, n, std::vector<float>(static_cast<std::size_t>(n * n))}, {1, 1, 1, {6}}, {}};
+  for (int y = -3; y <= 3; ++y) {
+    for (int x = -3; x <= 3; ++x) {
+      v.wanted.values[v.wanted.at(0, c + y, c + x)] = x < 0 ? 36 : 30;
+    }
+  }
+  const DoseBands wanted = wanted_doses(v, {}, 20);
+  PrintOptions options;
+  options.angles = 48;
+  options.wanted = wanted;
+  const Print print = solve_print(part_of(wanted, 20), 0.25, p, bench_resin(0.5), options);
+  int within = 0, all = 0;
+  const Box<float> dose = dose_of(print.job);
+  for (int y = -6; y <= 6; ++y) {
+    for (int x = -6; x <= 6; ++x) {
+      const std::size_t i = dose.at(0, c + y, c + x);
+      const float want = v.wanted.values[i], d = dose.values[i];
+      ++all;
+      within += want > 0 ? std::abs(d - want) <= 6 : d <= 20;
+    }
+  }
+  ASSERT_TRUE(print.figures.wanted);
+  EXPECT_EQ(print.figures.wanted->voxels, static_cast<std::size_t>(all));
+  EXPECT_EQ(print.figures.wanted->within, static_cast<std::size_t>(within));
+  EXPECT_GE(print.figures.wanted->slack, 1);
+  RecordProperty("slack", std::to_string(print.figures.wanted->slack));
+  // In the wall, too low to gel: it would have been left out.
+  v.wanted.values[v.wanted.at(0, c, c + 7)] = 10;
+  options.wanted = wanted_doses(v, {}, 20);
+  EXPECT_THROW(solve_print(part_of(options.wanted, 20), 0.25, p, bench_resin(0.5), options),
+               InputError);
+  // And in the corner of a round vial's grid.
+  Printer round = small_printer(true, 0.25);
+  const int m = voxels_across(round, 0.25);
+  WantedValues corner{
+      {1, m, m, std::vector<float>(static_cast<std::size_t>(m * m))}, {1, 1, 1, {6}}, {}};
+  corner.wanted.values[corner.wanted.at(0, m / 2, m / 2)] = 30;
+  corner.wanted.values[0] = 10;
+  options.wanted = wanted_doses(corner, {}, 20);
+  EXPECT_THROW(solve_print(part_of(options.wanted, 20), 0.25, round, bench_resin(0.5), options),
+               InputError);
 }
 
 TEST(TomoTraced, RefusesByName) {

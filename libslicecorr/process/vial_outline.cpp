@@ -221,6 +221,20 @@ double ResinArea::within_mm(const FlatPoint& place) const {
   return least;
 }
 
+std::vector<bool> beyond_walls(const Vial& v, int n, double voxel_mm) {
+  std::vector<bool> beyond;
+  if (v.shape == VialShape::round) return beyond;
+  Vial walls = v;
+  walls.rods.clear();
+  const ResinArea area(walls);
+  for (int y = 0; y < n; ++y) {
+    for (int x = 0; x < n; ++x) {
+      beyond.push_back(!area.has({(x - 0.5 * (n - 1)) * voxel_mm, (y - 0.5 * (n - 1)) * voxel_mm}));
+    }
+  }
+  return beyond;
+}
+
 double nearest_wall_mm(const Vial& v) {
   return v.shape == VialShape::round ? v.inner_mm : within_mm(inner_outline(v), {});
 }

@@ -47,6 +47,10 @@ class ResinArea {
   std::vector<Rod> rods_;
 };
 
+/// Columns of an n x n grid of voxels about the axis, [y][x], whose middles lie beyond the inner face of a
+/// vial that is not round; empty of a round one.
+std::vector<bool> beyond_walls(const Vial& vial, int n, double voxel_mm);
+
 /// Distance of the inner face from the axis where it is nearest, mm.
 double nearest_wall_mm(const Vial& vial);
 

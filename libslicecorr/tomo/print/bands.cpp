@@ -72,6 +72,24 @@ void check_wanted(const DoseBands& wanted, const Box<std::uint8_t>& part, const 
   }
 }
 
+void check_wanted_in_resin(const DoseBands& wanted, const Box<std::uint8_t>& beside,
+                           double voxel_mm) {
+  const Box<float>& box = wanted.least;
+  const double middle = 0.5 * (box.nx - 1);
+  for (std::size_t i = 0; i < box.values.size(); ++i) {
+    if (!(box.values[i] > 0) || !(wanted.weight_at(i) > 0)) continue;
+    const auto nx = static_cast<std::size_t>(box.nx), ny = static_cast<std::size_t>(box.ny);
+    const double x = static_cast<double>(i % nx) - middle,
+                 y = static_cast<double>(i / nx % ny) - middle;
+    const bool in = x * x + y * y <= middle * middle;
+    if (in && (beside.values.empty() || beside.values[i] == 0)) continue;
+    throw InputError(fmt::format(
+        "a dose is wanted at x = {:.3f}, y = {:.3f} mm from the axis in slice {}, where there is no "
+        "resin; expected wanted doses within the resin, or 0 or no weight there",
+        x * voxel_mm, y * voxel_mm, i / nx / ny));
+  }
+}
+
 void add_bands(const DoseBands& wanted, const Box<std::uint8_t>& insert, double gel_dose_mj_cm3,
                Target& target) {
   if (!wanted.any()) return;

@@ -17,6 +17,11 @@ namespace slicecorr::tomo::detail {
 /// as light does.
 void check_wanted(const DoseBands& wanted, const Box<std::uint8_t>& part, const Resin& resin);
 
+/// Throws `InputError` for a voxel that wants a dose where there is no resin: farther from the axis than all of it,
+/// or where `beside` is opaque.
+void check_wanted_in_resin(const DoseBands& wanted, const Box<std::uint8_t>& beside,
+                           double voxel_mm);
+
 /// Gives a target its bands, in gel doses; cells of weight 0, and in the insert, are free.
 void add_bands(const DoseBands& wanted, const Box<std::uint8_t>& insert, double gel_dose_mj_cm3,
                Target& target);

@@ -18,6 +18,7 @@
 #include "slicecorr/tomo/shown_light.hpp"
 #include "slicecorr/version.hpp"
 #include "slicecorr/vial.hpp"
+#include "slicecorr/vial_outline.hpp"
 #include "stack/formats/definition_json.hpp"
 #include "tomo/operators/spread_projector.hpp"
 #include "tomo/print/bands.hpp"
@@ -125,6 +126,7 @@ Place place_of(const Box<std::uint8_t>& part, double voxel_mm, const Printer& pr
   }
   check_insert(options.insert, part, printer, voxel_mm);
   detail::check_wanted(options.wanted, part, resin);
+  detail::check_wanted_in_resin(options.wanted, {}, voxel_mm);
   detail::check_hold(printer, place.bench.grid.angles, options.hold);
   if (options.wanted.any() && options.solve.method != Method::ladder) {
     throw InputError(
@@ -287,6 +289,7 @@ PrintOptions in_vial(const PrintOptions& options, const Box<std::uint8_t>& part,
                      "yet; expected none, or rods in its file (glass_rods, metal_rods)");
   }
   with.insert = detail::beside_resin(part, printer, voxel_mm);
+  detail::check_wanted_in_resin(options.wanted, with.insert, voxel_mm);
   return with;
 }
 
@@ -453,7 +456,9 @@ Print solve_in(const Box<std::uint8_t>& part, double voxel_mm, const Printer& pr
     if (banded) detail::without_weights(quiet, *asked.projector, *asked.target, *found);
     if (found->contrast_bound < 1 && !banded) {
       if (options.evidence) {
-        options.evidence(evidence_of(*found, *asked.target, part, options, job.sampling));
+        Evidence evidence = evidence_of(*found, *asked.target, part, options, job.sampling);
+        evidence.beyond = beyond_walls(*printer.vial, part.nx, voxel_mm);
+        options.evidence(evidence);
       }
       throw InfeasibleError(fmt::format(
           "no light prints this part{}: where it is hardest, in slice {} "

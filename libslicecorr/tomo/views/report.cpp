@@ -14,6 +14,7 @@
 #include "slicecorr/process.hpp"
 #include "slicecorr/version.hpp"
 #include "slicecorr/vial.hpp"
+#include "slicecorr/vial_outline.hpp"
 #include "support/chart/chart.hpp"
 #include "support/page/html_page.hpp"
 #include "support/text/display_text.hpp"
@@ -396,7 +397,11 @@ detail::RoundSource round_of(const Printed& p) {
   source.ny = part.ny;
   source.nz = part.nz;
   source.voxel_mm = p.job.sampling.voxel_mm;
-  source.kept = [&](std::size_t k, int x, int y) {
+  source.kept = [&, beyond = beyond_walls(*p.job.printer.vial, part.nx, source.voxel_mm)](
+                    std::size_t k, int x, int y) {
+    const std::size_t column = static_cast<std::size_t>(y) * static_cast<std::size_t>(part.nx) +
+                               static_cast<std::size_t>(x);
+    if (!beyond.empty() && beyond[column]) return Kept::neither;
     if (!p.job.insert.values.empty() && p.job.insert.values[k] > 0) return Kept::insert;
     if (!in_resin(part, x, y)) return Kept::neither;
     return part.values[k] == 255 ? Kept::part : part.values[k] == 0 ? Kept::empty : Kept::neither;
@@ -478,7 +483,8 @@ std::string report_page(const Printed& p, const std::string& title,
   detail::add_round(page, round_of(p),
                     {.time_s = p.figures.print_time_s,
                      .turns = p.figures.turns,
-                     .insert = !p.job.insert.values.empty(),
+                     .insert = job.printer.vial->traced() ? !job.printer.vial->rods.empty()
+                                                          : !job.insert.values.empty(),
                      .grows = "Doses are taken to grow evenly, as they do turn by turn; beyond "
                               "100 % the print would go on at the same light."});
   page += markup(R"(<p class="dim">slicecorr {}</p>)", slicecorr::version);

@@ -11,6 +11,7 @@
 
 #include "picture/canvas.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/vial_outline.hpp"
 #include "support/chart/chart.hpp"
 
 namespace slicecorr::tomo {
@@ -370,20 +371,33 @@ std::vector<Plane> middle_planes(const Printed& print) {
       {Axis::x, middle(2, part.nx)}, {Axis::y, middle(1, part.ny)}, {Axis::z, middle(0, part.nz)}};
 }
 
-std::vector<PrintSection> sections_of(const Box<float>& dose, const Box<std::uint8_t>& part,
-                                      const Box<std::uint8_t>& insert, double voxel_mm,
-                                      double gel_dose, const std::vector<Plane>& planes,
-                                      double middle_z_mm) {
+namespace {
+
+/// What is cut, on one grid of voxels.
+struct Solid {
+  const Box<float>& dose;
+  const Box<std::uint8_t>&part, &insert;
+  double voxel_mm = 0, gel_dose = 0, middle_z_mm = 0;
+  /// Columns beyond a wall that is not round, which jobs keep among what is no resin; or empty.
+  std::vector<bool> beyond{};
+};
+
+std::vector<PrintSection> cut(const Solid& solid, const std::vector<Plane>& planes) {
+  const auto& [dose, part, insert, voxel_mm, gel_dose, middle_z_mm, beyond] = solid;
   const int n = part.nx;
+  const auto is_beyond = [&, &beyond = beyond](int y, int x) {
+    return !beyond.empty() && beyond[static_cast<std::size_t>(y) * static_cast<std::size_t>(n) +
+                                     static_cast<std::size_t>(x)];
+  };
+  const auto is_insert = [&, &insert = insert](int z, int y, int x) {
+    return !insert.values.empty() && insert.values[insert.at(z, y, x)] > 0 && !is_beyond(y, x);
+  };
   const std::array<int, 3> sizes{part.nz, part.ny, part.nx};
   const double radius = 0.5 * (n - 1);
   const auto matter_at = [&](const Place& p) {
     const double dx = p.x - radius, dy = p.y - radius;
-    if (dx * dx + dy * dy > radius * radius) return Matter::nothing;
-    if (!insert.values.empty() && insert.values[insert.at(p.z, p.y, p.x)] > 0) {
-      return Matter::insert;
-    }
-    return Matter::resin;
+    if (dx * dx + dy * dy > radius * radius || is_beyond(p.y, p.x)) return Matter::nothing;
+    return is_insert(p.z, p.y, p.x) ? Matter::insert : Matter::resin;
   };
   // What all sections are cut down to.
   VoxelRange e{sizes, {-1, -1, -1}};
@@ -391,8 +405,7 @@ std::vector<PrintSection> sections_of(const Box<float>& dose, const Box<std::uin
     for (int y = 0; y < n; ++y) {
       for (int x = 0; x < n; ++x) {
         const std::size_t k = part.at(z, y, x);
-        const bool counts = part.values[k] > 0 || dose.values[k] >= gel_dose ||
-                            (!insert.values.empty() && insert.values[k] > 0);
+        const bool counts = part.values[k] > 0 || dose.values[k] >= gel_dose || is_insert(z, y, x);
         if (!counts) continue;
         const std::array<int, 3> at{z, y, x};
         for (std::size_t i = 0; i < 3; ++i) {
@@ -451,14 +464,25 @@ std::vector<PrintSection> sections_of(const Box<float>& dose, const Box<std::uin
   return sections;
 }
 
+}  // namespace
+
+std::vector<PrintSection> sections_of(const Box<float>& dose, const Box<std::uint8_t>& part,
+                                      const Box<std::uint8_t>& insert, double voxel_mm,
+                                      double gel_dose, const std::vector<Plane>& planes,
+                                      double middle_z_mm) {
+  return cut({dose, part, insert, voxel_mm, gel_dose, middle_z_mm}, planes);
+}
+
 std::vector<PrintSection> sections_of(const Printed& print, const std::vector<Plane>& planes) {
   const TomoJob& job = print.job;
-  return sections_of(print.dose, job.part, job.insert, job.sampling.voxel_mm,
-                     print.figures.gel_dose_mj_cm3, planes, job.sampling.middle_z_mm);
+  const double voxel_mm = job.sampling.voxel_mm;
+  return cut({print.dose, job.part, job.insert, voxel_mm, print.figures.gel_dose_mj_cm3,
+              job.sampling.middle_z_mm, beyond_walls(*job.printer.vial, job.part.nx, voxel_mm)},
+             planes);
 }
 
 PrintSection section_of(const Evidence& e) {
-  PrintSection s = sections_of(e.dose, e.part, e.insert, e.voxel_mm, 1, {{Axis::z, 0}})[0];
+  PrintSection s = cut({e.dose, e.part, e.insert, e.voxel_mm, 1, 0, e.beyond}, {{Axis::z, 0}})[0];
   s.at_mm = e.z_mm;
   s.unit = "times the gel dose";
   return s;

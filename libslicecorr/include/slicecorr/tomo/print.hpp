@@ -111,6 +111,7 @@ struct Evidence {
   /// too much, as a factor: the root of the part's least dose times void's most.
   Box<float> dose;
   Box<std::uint8_t> part, insert;  ///< `insert` may be empty
+  std::vector<bool> beyond;        ///< columns beyond a wall that is not round, [y][x]; or empty
 };
 
 struct PrintOptions {

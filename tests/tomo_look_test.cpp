@@ -150,6 +150,22 @@ TEST_F(TomoLook, ReconstructsWhatTakesLight) {
   for (int y = 12; y < 21; ++y) sum += look.seen.values[look.seen.at(1, y, 10)] / 9;
   // Levels of 200 round to 1 in 400 of the light that a pixel has lost; the edge of what gelled blurs.
   EXPECT_NEAR(sum, 0.3, 0.03);
+  // To look at: what is seen has its line where what gelled ends, half of what it takes.
+  EXPECT_NEAR(look.line_per_mm, 0.15, 0.03);
+  const std::vector<PrintSection> drawn = sections_of(look, *job_, *dose_, turns);
+  ASSERT_EQ(drawn.size(), 4U);
+  const PrintSection &come = drawn[2], &seen = drawn[3];
+  ASSERT_EQ(seen.axis, Axis::z);
+  ASSERT_EQ(come.width, seen.width);
+  std::size_t apart = 0, gelled = 0;
+  for (std::size_t k = 0; k < seen.dose.size(); ++k) {
+    gelled += come.dose[k] >= come.gel_dose ? 1 : 0;
+    EXPECT_EQ(seen.target[k], come.dose[k] >= come.gel_dose ? 255 : 0);
+    apart += (seen.dose[k] >= seen.gel_dose) != (seen.target[k] == 255) ? 1 : 0;
+  }
+  // At most the voxels around both parts, 6 x 17 and a disc of 3.5, half of which lie on either side.
+  EXPECT_GT(gelled, 100U);
+  EXPECT_LT(apart, 2 * (6 + 17) / 2 + 11);
   EXPECT_LE(look.stop_turn, turns);
 }
 
@@ -193,13 +209,15 @@ TEST_F(TomoLookProgram, TellsTheTurn) {
   const test::RunResult r =
       test::run_program({SLICECORR_BIN_DIR "/slicecorr", "--quiet", "tomo", "look", "a.frames",
                          "--before", "before", "--now", "now", "--turns",
-                         fmt::format("{}", job_->turns), "--seen", "seen.npy", "--json", "-"},
+                         fmt::format("{}", job_->turns), "--seen", "seen.npy",
+                          "--picture", "seen.png", "--json", "-"},
                         options);
   ASSERT_EQ(r.exit_code, 0) << r.err;
   const auto j = nlohmann::json::parse(r.out);
   EXPECT_NEAR(j["share_of_plan"].get<double>(), 0.95, 0.05);
   EXPECT_GT(j["stop_turn"].get<double>(), 0.9 * turns);
   EXPECT_EQ(read_dose_npy(folder_ / "seen.npy").nx, dose_->nx);
+  EXPECT_GT(std::filesystem::file_size(folder_ / "seen.png"), 1000U);
 }
 
 }  // namespace

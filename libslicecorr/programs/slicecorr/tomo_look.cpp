@@ -6,11 +6,13 @@
 #include <fmt/format.h>
 
 #include <cmath>
+#include <filesystem>
 #include <nlohmann/json.hpp>
 
 #include "slicecorr/tomo/print.hpp"
 #include "slicecorr/tomo/widths.hpp"
 #include "support/json/finite.hpp"
+#include "tomo_views.hpp"
 
 namespace slicecorr::cli {
 
@@ -50,11 +52,21 @@ std::string in_json(const tomo::Look& look) {
 }
 
 int look(const TomoLookOptions& o, const ExecutionContext& context, Console& console) {
-  for (const std::string& output : {o.seen, o.json}) {
+  const SectionsFile drawn = o.picture.empty() ? nullptr : sections_file(o.picture);
+  for (const std::string& output : {o.seen, o.json, o.picture}) {
     check_output(output, {o.job, o.look.before, o.look.now});
   }
   const tomo::TomoJob job = tomo::read_job(o.job, context);
-  const tomo::Look seen = tomo::look_at(job, tomo::dose_of(job, context), o.look, context);
+  const tomo::Box<float> dose = tomo::dose_of(job, context);
+  const tomo::Look seen = tomo::look_at(job, dose, o.look, context);
+  if (drawn != nullptr) {
+    write_text_file(
+        o.picture,
+        drawn(tomo::sections_of(seen, job, dose, o.look.turns), tomo::ColouredBy::dose,
+              fmt::format("{} after {:g} turns: the dose that has come, and what is seen "
+                          "(its line: half of what gelled resin takes)",
+                          std::filesystem::path(o.job).filename().string(), o.look.turns)));
+  }
   if (!o.seen.empty()) tomo::write_npy(o.seen, seen.seen);
   const std::string words = in_words(seen, o.look.turns);
   if (o.json.empty()) {
@@ -118,6 +130,9 @@ void add_tomo_look(Program& program, CLI::App* group, TomoLookOptions& o) {
       ->check(CLI::Range(1, 10000))
       ->capture_default_str();
   sub->add_option("--seen", o.seen, "Write what is seen, 1/mm, to FILE (.npy)");
+  sub->add_option(
+      "--picture", o.picture,
+      "Draw the dose that has come beside what is seen, cut open, to FILE (.png or .svg)");
   sub->add_option("--json", o.json, "Write all figures as JSON to FILE, or - for stdout");
 
   sub = program.add_to(group, "diffusion",

@@ -13,7 +13,7 @@
 namespace slicecorr::cli {
 
 struct TomoLookOptions {
-  std::string job, seen, json, widths;
+  std::string job, seen, picture, json, widths;
   tomo::LookOptions look;
 };
 

@@ -26,13 +26,6 @@ namespace slicecorr::cli {
 
 namespace {
 
-using SectionsFile = std::string (*)(const std::vector<tomo::PrintSection>&, tomo::ColouredBy,
-                                     const std::string&);
-/// What writes pictures with this name.
-SectionsFile sections_file(const std::string& output) {
-  return ending_of(output, {".png", ".svg"}) == ".svg" ? tomo::sections_svg : tomo::sections_png;
-}
-
 int section(const TomoViewOptions& o, const ExecutionContext& context, Console& console) {
   const SectionsFile file = sections_file(o.output);
   check_output(o.output, {o.job});
@@ -131,10 +124,11 @@ int video(const TomoViewOptions& o, const ExecutionContext& context, Console& co
       context);
   file->publish();
   console.say(fmt::format(
-      "{}: {} images of {} x {} pixels, {:.6g} a second, {:.1f} s: {} turns, then {} black; the "
+      "{}: {} images of {} x {} pixels, {:.6g} a second, {:.1f} s: {} turn{}, then {} black; the "
       "vial must turn {} at {:.6g} degrees a second, {:.4g} rpm",
       o.output, plan.images, plan.width_px, plan.height_px, plan.fps(), plan.time_s(), plan.turns,
-      plan.tail, name_of(job.printer.rotation->direction), plan.deg_s, plan.deg_s / 6));
+      plan.turns == 1 ? "" : "s", plan.tail, name_of(job.printer.rotation->direction), plan.deg_s,
+      plan.deg_s / 6));
   return kDone;
 }
 
@@ -166,6 +160,10 @@ int convert(const TomoViewOptions& o, const ExecutionContext& context, Console& 
 }
 
 }  // namespace
+
+SectionsFile sections_file(const std::string& output) {
+  return ending_of(output, {".png", ".svg"}) == ".svg" ? tomo::sections_svg : tomo::sections_png;
+}
 
 void check_picture_name(const std::string& path) { sections_file(path); }
 

@@ -6,11 +6,13 @@
 
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "programs/common/program.hpp"
 #include "programs/common/setup_options.hpp"
 #include "slicecorr/tomo/convert.hpp"
 #include "slicecorr/tomo/print.hpp"
+#include "slicecorr/tomo/section.hpp"
 #include "slicecorr/tomo/video.hpp"
 
 namespace slicecorr::cli {
@@ -26,6 +28,11 @@ struct TomoViewOptions {
 };
 
 /// Writes a picture of where a part fails (.png or .svg), and says what it shows.
+using SectionsFile = std::string (*)(const std::vector<tomo::PrintSection>&, tomo::ColouredBy,
+                                     const std::string&);
+/// What writes pictures with this name: .png or .svg.
+SectionsFile sections_file(const std::string& output);
+
 std::string picture_of(const tomo::Evidence& evidence, const std::string& part,
                        const std::string& path);
 /// Throws `InputError` unless a picture can be written under this name.

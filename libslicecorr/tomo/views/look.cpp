@@ -22,6 +22,7 @@
 #include "stack/png/png.hpp"
 #include "support/files/temporary.hpp"
 #include "tomo/views/image_folder.hpp"
+#include "tomo/views/section_cut.hpp"
 
 namespace slicecorr::tomo {
 
@@ -271,6 +272,13 @@ Look look_at(const TomoJob& job, const Box<float>& dose, const LookOptions& opti
                     std::max(cut.correlation, 0.0)));
   }
   look.gelled = cut.count;
+  double beyond = 0, others = 0;
+  for (std::size_t k = 0; k < voxels.size(); ++k) {
+    (k < cut.count ? beyond : others) += voxels[k].second;
+  }
+  look.line_per_mm = (beyond / static_cast<double>(cut.count) +
+                      others / static_cast<double>(voxels.size() - cut.count)) /
+                     2;
   // Gelled is what has the gel dose: planned dose times turns over all turns times the share of it.
   const double gel = dose_to_gel_mj_cm3(job.resin), done = options.turns / job.turns;
   const double least = voxels[cut.count - 1].first, next = voxels[cut.count].first;
@@ -291,6 +299,33 @@ Look look_at(const TomoJob& job, const Box<float>& dose, const LookOptions& opti
   look.stop_turn = turn_of(min_gel);
   look.void_turn = turn_of(max_void);
   return look;
+}
+
+std::vector<PrintSection> sections_of(const Look& look, const TomoJob& job, const Box<float>& dose,
+                                      double turns) {
+  const double gel = dose_to_gel_mj_cm3(job.resin), voxel_mm = job.sampling.voxel_mm,
+               middle_z_mm = job.sampling.middle_z_mm;
+  std::vector<Plane> planes = middle_planes({job, dose, {}});
+  planes.erase(planes.begin());  // y and z
+  Box<float> come = dose, seen = look.seen;
+  for (float& d : come.values) d *= static_cast<float>(turns / job.turns * look.share);
+  for (float& v : seen.values) v *= static_cast<float>(gel / look.line_per_mm);
+  Box<std::uint8_t> gelled = job.part, shown = job.part;
+  for (std::size_t k = 0; k < gelled.values.size(); ++k) {
+    gelled.values[k] = come.values[k] >= gel ? 255 : 0;
+    shown.values[k] = std::max(shown.values[k], gelled.values[k]);
+  }
+  const Box<std::uint8_t> no_insert;
+  std::vector<PrintSection> all;
+  for (const Plane& plane : planes) {
+    const auto of = [&](const Box<float>& doses, const Box<std::uint8_t>& target) {
+      return detail::cut({doses, target, no_insert, voxel_mm, gel, middle_z_mm, {}, shown}, {plane})
+          .front();
+    };
+    all.push_back(of(come, job.part));
+    all.push_back(of(seen, gelled));
+  }
+  return all;
 }
 
 }  // namespace slicecorr::tomo

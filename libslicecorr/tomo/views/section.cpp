@@ -13,6 +13,7 @@
 #include "slicecorr/error.hpp"
 #include "slicecorr/vial_outline.hpp"
 #include "support/chart/chart.hpp"
+#include "tomo/views/section_cut.hpp"
 
 namespace slicecorr::tomo {
 
@@ -371,19 +372,8 @@ std::vector<Plane> middle_planes(const Printed& print) {
       {Axis::x, middle(2, part.nx)}, {Axis::y, middle(1, part.ny)}, {Axis::z, middle(0, part.nz)}};
 }
 
-namespace {
-
-/// What is cut, on one grid of voxels.
-struct Solid {
-  const Box<float>& dose;
-  const Box<std::uint8_t>&part, &insert;
-  double voxel_mm = 0, gel_dose = 0, middle_z_mm = 0;
-  /// Columns beyond a wall that is not round, which jobs keep among what is no resin; or empty.
-  std::vector<bool> beyond{};
-};
-
-std::vector<PrintSection> cut(const Solid& solid, const std::vector<Plane>& planes) {
-  const auto& [dose, part, insert, voxel_mm, gel_dose, middle_z_mm, beyond] = solid;
+std::vector<PrintSection> detail::cut(const Solid& solid, const std::vector<Plane>& planes) {
+  const auto& [dose, part, insert, voxel_mm, gel_dose, middle_z_mm, beyond, shown] = solid;
   const int n = part.nx;
   const auto is_beyond = [&, &beyond = beyond](int y, int x) {
     return !beyond.empty() && beyond[static_cast<std::size_t>(y) * static_cast<std::size_t>(n) +
@@ -464,25 +454,25 @@ std::vector<PrintSection> cut(const Solid& solid, const std::vector<Plane>& plan
   return sections;
 }
 
-}  // namespace
-
 std::vector<PrintSection> sections_of(const Box<float>& dose, const Box<std::uint8_t>& part,
                                       const Box<std::uint8_t>& insert, double voxel_mm,
                                       double gel_dose, const std::vector<Plane>& planes,
                                       double middle_z_mm) {
-  return cut({dose, part, insert, voxel_mm, gel_dose, middle_z_mm}, planes);
+  return detail::cut({dose, part, insert, voxel_mm, gel_dose, middle_z_mm}, planes);
 }
 
 std::vector<PrintSection> sections_of(const Printed& print, const std::vector<Plane>& planes) {
   const TomoJob& job = print.job;
   const double voxel_mm = job.sampling.voxel_mm;
-  return cut({print.dose, job.part, job.insert, voxel_mm, print.figures.gel_dose_mj_cm3,
-              job.sampling.middle_z_mm, beyond_walls(*job.printer.vial, job.part.nx, voxel_mm)},
-             planes);
+  return detail::cut(
+      {print.dose, job.part, job.insert, voxel_mm, print.figures.gel_dose_mj_cm3,
+       job.sampling.middle_z_mm, beyond_walls(*job.printer.vial, job.part.nx, voxel_mm)},
+      planes);
 }
 
 PrintSection section_of(const Evidence& e) {
-  PrintSection s = cut({e.dose, e.part, e.insert, e.voxel_mm, 1, 0, e.beyond}, {{Axis::z, 0}})[0];
+  PrintSection s =
+      detail::cut({e.dose, e.part, e.insert, e.voxel_mm, 1, 0, e.beyond}, {{Axis::z, 0}})[0];
   s.at_mm = e.z_mm;
   s.unit = "times the gel dose";
   return s;

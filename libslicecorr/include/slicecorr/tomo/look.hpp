@@ -16,10 +16,12 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "slicecorr/parallel.hpp"
 #include "slicecorr/tomo/job.hpp"
 #include "slicecorr/tomo/npy.hpp"
+#include "slicecorr/tomo/section.hpp"
 
 namespace slicecorr::tomo {
 
@@ -41,8 +43,9 @@ struct Look {
   double least_share = 0, most_share = 0, share = 0;
   std::size_t gelled = 0, planned = 0;  ///< voxels beyond that cut; by the plan after these turns
   std::size_t part_gelled = 0, part = 0, void_gelled = 0;  ///< of the part, all of it, and of void
-  double stop_turn = 0;  ///< at which the part's weakest voxel gels
-  double void_turn = 0;  ///< at which void begins to; infinite where none ever does
+  double stop_turn = 0;    ///< at which the part's weakest voxel gels
+  double void_turn = 0;    ///< at which void begins to; infinite where none ever does
+  double line_per_mm = 0;  ///< between what voxels beyond the cut take in the mean, and the others
 };
 
 /// What has gelled is told of only where images agree with the plan better than this.
@@ -53,5 +56,11 @@ inline constexpr double kSeenAgreement = 0.3;
 /// which dose does not grow evenly; and where nothing of the plan is to be seen (`kSeenAgreement`).
 Look look_at(const TomoJob& job, const Box<float>& dose, const LookOptions& options,
              const ExecutionContext& context = {});
+
+/// To look at: in two planes through the part's middle, the dose that has come after so many turns, and what
+/// is seen, scaled such that `line_per_mm` is the gel dose. The target of the first is the part, that of the
+/// second what has gelled by the first.
+std::vector<PrintSection> sections_of(const Look& look, const TomoJob& job, const Box<float>& dose,
+                                      double turns);
 
 }  // namespace slicecorr::tomo

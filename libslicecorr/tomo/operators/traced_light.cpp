@@ -6,7 +6,10 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <numbers>
+#include <utility>
 
+#include "slicecorr/vial.hpp"
 #include "slicecorr/vial_outline.hpp"
 #include "tomo/operators/flat_points.hpp"
 #include "tomo/operators/footprint.hpp"
@@ -19,6 +22,9 @@ namespace {
 constexpr int kMostHalvings = 6;
 /// Strips whose sides differ in direction by more than this, times the resin's radius in voxels, are cut.
 constexpr double kBends = 0.25;
+/// Rays of a bundle differ in kz² by less than this many voxels over the resin's radius. Seen from above
+/// refraction depends on kz² alone: by half of its change times 1 - (n_outside/n)² at most, over two radii.
+constexpr double kBundled = 0.2;
 
 /// A number along a piece: linear in the way.
 struct Linear {
@@ -67,11 +73,36 @@ std::vector<bool> resin_of(const Vial& vial, const TomoGrid& grid) {
   return resin;
 }
 
-TracedRay traced_ray(const VialTrace& vial, double th, double x_mm) {
-  const double c = std::cos(th), s = std::sin(th), back = 2 * vial.outside_mm();
-  TracedRay ray;
-  vial.trace({x_mm * c + back * s, x_mm * s - back * c}, {-s, c}, ray);
-  return ray;
+TracedLine TracedRows::line(double column, double row, int ray) const {
+  const PixelWindow& w = window;
+  LightLine line = chief_ray(printer, w.first_column + column * w.wide + 0.5 * (w.wide - 1),
+                             w.first_row + (w.rows - 1 - row) * w.high + 0.5 * (w.high - 1));
+  const AperturePoint& p = points[static_cast<std::size_t>(ray)];
+  line.slope_x += p.x * aperture;
+  line.slope_z += p.z * aperture;
+  return {line.x_mm, line.angle_rad(), line.z_mm, line.kz(), line.transmittance};
+}
+
+std::vector<TracedBundle> bundles_of(const TomoGrid& grid, const TracedRows& rows,
+                                     double narrower) {
+  const double most = kBundled * narrower * grid.voxel_mm() / grid.radius_mm,
+               middle = 0.5 * (grid.pixels - 1);
+  std::vector<TracedBundle> bundles;
+  for (int ray = 0; ray < static_cast<int>(rows.points.size()); ++ray) {
+    double least = 0, greatest = 0;
+    for (int r = 0; r < grid.rows; ++r) {
+      const double kz = rows.line(middle, r, ray).kz, square = kz * kz;
+      if (r > 0 && std::max(greatest, square) - std::min(least, square) <= most) {
+        least = std::min(least, square);
+        greatest = std::max(greatest, square);
+        bundles.back().end_row = r + 1;
+        continue;
+      }
+      least = greatest = square;
+      bundles.push_back({r, r + 1, ray});
+    }
+  }
+  return bundles;
 }
 
 int traced_angles(const TomoGrid& grid, double step_rad) {
@@ -82,7 +113,8 @@ int traced_angles(const TomoGrid& grid, double step_rad) {
 /// Light between two rays.
 struct TracedStrips::Strip {
   double th = 0;
-  double low_mm = 0, high_mm = 0;  ///< X of its sides
+  TracedBundle bundle;
+  double low_at = 0, high_at = 0;  ///< columns of its sides
   TracedRay low, middle, high;
 };
 
@@ -90,16 +122,67 @@ TracedStrips::TracedStrips(const TomoGrid& grid, const TracedLight& light, doubl
                            double turn_rad)
     : grid_(grid), light_(light), side_mm_(side_mm), turn_rad_(turn_rad) {}
 
-void TracedStrips::of_pixel(double th, int pixel,
+TracedRay TracedStrips::ray(const Strip& strip, double column) const {
+  TracedRay ray;
+  light_.vial.trace(strip.th, light_.line(column, strip.bundle), ray);
+  return ray;
+}
+
+void TracedStrips::of_pixel(double th, int pixel, const TracedBundle& bundle,
                             const std::function<void(const TracedShare&)>& use) const {
-  const double middle = light_.first_mm + pixel * light_.pitch_mm,
-               half = light_.lit * light_.pitch_mm / 2;
-  if (std::abs(middle) - half > light_.vial.outside_mm()) return;
-  Strip strip{th, middle - half, middle + half, {}, {}, {}};
-  strip.low = traced_ray(light_.vial, th, strip.low_mm);
-  strip.middle = traced_ray(light_.vial, th, middle);
-  strip.high = traced_ray(light_.vial, th, strip.high_mm);
-  add(strip, 0, use);
+  const TracedLine line = light_.line(pixel, bundle);
+  const double beside = std::abs(line.x_mm * std::cos(line.angle_rad));
+  if (beside - light_.pitch_mm > light_.vial.outside_mm()) return;
+  Strip strip{th, bundle, pixel - light_.lit / 2, pixel + light_.lit / 2, {}, {}, {}};
+  strip.low = ray(strip, strip.low_at);
+  strip.middle = ray(strip, pixel);
+  strip.high = ray(strip, strip.high_at);
+  add(strip, 0, [&](const TracedShare& s) {
+    use({s.x, s.y, s.share * line.transmittance, s.rise_mm});
+  });
+}
+
+std::vector<double> turns_of_frame(const TomoGrid& grid, int m) {
+  const double step = 2 * std::numbers::pi / grid.angles;
+  const int angles = traced_angles(grid, step);
+  std::vector<double> turns;
+  turns.reserve(static_cast<std::size_t>(angles));
+  for (int k = 0; k < angles; ++k) turns.push_back(step * (m + (k + 0.5) / angles - 0.5));
+  return turns;
+}
+
+std::vector<TracedWeight> weights_of(const TracedStrips& strips, const TomoGrid& grid,
+                                     const TracedBundle& bundle, const std::vector<double>& turns) {
+  const auto n = static_cast<std::size_t>(grid.voxels);
+  struct Sum {
+    double share = 0, rise_mm = 0;
+  };
+  std::vector<Sum> sums(n * n);
+  std::vector<std::size_t> met;
+  std::vector<TracedWeight> found;
+  for (int i = 0; i < grid.pixels; ++i) {
+    met.clear();
+    for (const double th : turns) {
+      strips.of_pixel(th, i, bundle, [&](const TracedShare& s) {
+        const std::size_t at = static_cast<std::size_t>(s.y) * n + static_cast<std::size_t>(s.x);
+        if (sums[at].share == 0) met.push_back(at);
+        sums[at].share += s.share;
+        sums[at].rise_mm += s.share * s.rise_mm;
+      });
+    }
+    for (const std::size_t at : met) {
+      const Sum& sum = sums[at];
+      found.push_back({static_cast<std::uint16_t>(at % n), static_cast<std::uint16_t>(at / n),
+                       static_cast<std::uint16_t>(i),
+                       static_cast<float>(sum.share / static_cast<double>(turns.size())),
+                       static_cast<float>(sum.rise_mm / sum.share)});
+      sums[at] = {};
+    }
+  }
+  std::stable_sort(found.begin(), found.end(), [](const TracedWeight& a, const TracedWeight& b) {
+    return std::pair(a.y, a.x) < std::pair(b.y, b.x);
+  });
+  return found;
 }
 
 void TracedStrips::add(const Strip& strip, int depth,
@@ -117,17 +200,18 @@ void TracedStrips::add(const Strip& strip, int depth,
     }
   }
   if ((!alike || !straight) && depth < kMostHalvings) {
-    const double at = (strip.low_mm + strip.high_mm) / 2;
-    Strip one{strip.th, strip.low_mm, at, strip.low, {}, strip.middle},
-        other{strip.th, at, strip.high_mm, strip.middle, {}, strip.high};
-    one.middle = traced_ray(light_.vial, strip.th, (one.low_mm + at) / 2);
-    other.middle = traced_ray(light_.vial, strip.th, (at + other.high_mm) / 2);
+    const double at = (strip.low_at + strip.high_at) / 2;
+    Strip one{strip.th, strip.bundle, strip.low_at, at, strip.low, {}, strip.middle},
+        other{strip.th, strip.bundle, at, strip.high_at, strip.middle, {}, strip.high};
+    one.middle = ray(strip, (one.low_at + at) / 2);
+    other.middle = ray(strip, (at + other.high_at) / 2);
     add(one, depth + 1, use);
     add(other, depth + 1, use);
     return;
   }
-  const double in_air_mm = strip.high_mm - strip.low_mm;
-  const double voxel = grid_.voxel_mm(), alpha = light_.vial.alpha_per_mm();
+  const double in_air_mm = (strip.high_at - strip.low_at) * light_.pitch_mm;
+  const double voxel = grid_.voxel_mm(), stretch = strip.middle.stretch,
+               alpha = light_.vial.alpha_per_mm() * stretch;
   for (std::size_t k = 0; k < strip.middle.pieces.size(); ++k) {
     const TracedPiece& piece = strip.middle.pieces[k];
     // Where a side met other faces, its light is as wide as in air.
@@ -191,8 +275,8 @@ void TracedStrips::add(const Strip& strip, int depth,
                           boxes.below((middle - width / 2 - t) / voxel);
         if (!(in > 0)) continue;
         use({x, y,
-             in * in_air_mm / (width * light_.lit) * light_.transmitted * piece.power *
-                 std::exp(-alpha * s)});
+             in * in_air_mm / (width * light_.lit) * stretch * piece.power * std::exp(-alpha * s),
+             piece.rise_mm + s * strip.middle.rise_per_mm});
       }
     }
   }

@@ -43,14 +43,9 @@ class TracedProjector final : public Projector {
     auto frames =
         std::make_shared<std::vector<FrameWeights>>(static_cast<std::size_t>(grid.angles));
     const double step = 2 * std::numbers::pi / grid.angles;
-    const int angles = traced_angles(grid, step);
-    const TracedStrips strips(grid, light, grid.voxel_mm(), step / angles);
+    const TracedStrips strips(grid, light, grid.voxel_mm(), step / traced_angles(grid, step));
     parallel_for({}, "", frames->size(), [&](std::size_t m) {
-      const double th = step * static_cast<double>(m);
-      std::vector<double> turns;
-      turns.reserve(static_cast<std::size_t>(angles));
-      for (int k = 0; k < angles; ++k) turns.push_back(th + step * ((k + 0.5) / angles - 0.5));
-      (*frames)[m] = frame_of(strips, turns);
+      (*frames)[m] = frame_of(strips, light.bundles.front(), static_cast<int>(m));
     });
     frames_ = std::move(frames);
   }
@@ -120,42 +115,18 @@ class TracedProjector final : public Projector {
     }
   }
 
-  /// Weights of a frame: the mean over these angles.
-  FrameWeights frame_of(const TracedStrips& strips, const std::vector<double>& turns) const {
-    const auto n = static_cast<std::size_t>(grid_.voxels);
-    std::vector<float> sums(n * n);
-    std::vector<std::size_t> met;
-    struct Found {
-      std::uint16_t x, y, pixel;
-      float share;
-    };
-    std::vector<Found> found;
-    for (int i = 0; i < grid_.pixels; ++i) {
-      met.clear();
-      for (const double th : turns) {
-        strips.of_pixel(th, i, [&](const TracedShare& s) {
-          const std::size_t at = static_cast<std::size_t>(s.y) * n + static_cast<std::size_t>(s.x);
-          if (sums[at] == 0) met.push_back(at);
-          sums[at] += static_cast<float>(s.share / static_cast<double>(turns.size()));
-        });
-      }
-      for (const std::size_t at : met) {
-        found.push_back({static_cast<std::uint16_t>(at % n), static_cast<std::uint16_t>(at / n),
-                         static_cast<std::uint16_t>(i), sums[at]});
-        sums[at] = 0;
-      }
-    }
-    std::stable_sort(found.begin(), found.end(), [](const Found& a, const Found& b) {
-      return std::pair(a.y, a.x) < std::pair(b.y, b.x);
-    });
+  /// Weights of a frame.
+  FrameWeights frame_of(const TracedStrips& strips, const TracedBundle& bundle, int m) const {
+    const std::vector<TracedWeight> found =
+        weights_of(strips, grid_, bundle, turns_of_frame(grid_, m));
     FrameWeights frame;
-    frame.first.assign(n + 1, 0);
+    frame.first.assign(static_cast<std::size_t>(grid_.voxels) + 1, 0);
     frame.all.reserve(found.size());
-    for (const Found& f : found) {
+    for (const TracedWeight& f : found) {
       ++frame.first[std::size_t{f.y} + 1];
       frame.all.push_back({f.x, f.pixel, f.share});
     }
-    for (std::size_t y = 0; y < n; ++y) frame.first[y + 1] += frame.first[y];
+    for (std::size_t y = 1; y < frame.first.size(); ++y) frame.first[y] += frame.first[y - 1];
     return frame;
   }
 
@@ -169,7 +140,8 @@ double bytes_of_weights(const TomoGrid& grid, const TracedLight& light) {
   // A voxel meets the pixels that its diagonal does, and one more.
   const double per_voxel = std::sqrt(2.0) * grid.voxel_mm() / light.pitch_mm + 1;
   const auto resin = static_cast<double>(std::count(light.resin.begin(), light.resin.end(), true));
-  return sizeof(Weight) * per_voxel * grid.angles * resin;
+  const double bytes = light.rows ? sizeof(TracedWeight) : sizeof(Weight);
+  return bytes * static_cast<double>(light.bundles.size()) * per_voxel * grid.angles * resin;
 }
 
 std::unique_ptr<Projector> make_traced_projector(const TomoGrid& grid, const TracedLight& light) {
@@ -180,6 +152,7 @@ std::unique_ptr<Projector> make_traced_projector(const TomoGrid& grid, const Tra
         "take {:.1f} GB; expected larger voxels, or fewer angles",
         grid.voxels, grid.voxels, grid.angles, bytes * 1e-9));
   }
+  if (light.rows) return make_rising_projector(grid, light);
   return std::make_unique<TracedProjector>(grid, light);
 }
 

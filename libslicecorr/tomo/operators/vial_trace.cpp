@@ -36,23 +36,33 @@ struct VialTrace::Meeting {
 /// A ray on its way.
 struct VialTrace::Travelling {
   FlatPoint at, along;
+  double n_outside = 1, kz = 0;
+  double rise_mm = 0;
   double s = 1, p = 1;  ///< power by polarisation
   std::uint64_t history = 1469598103934665603U;
 
   double power() const { return (s + p) / 2; }
   void passed(std::uint64_t what) { history = (history ^ (what + 1)) * 1099511628211U; }
+  /// n', by which it is bent seen from above.
+  double across(double n) const { return kz == 0 ? n : index_across(n, n_outside, kz); }
+  void go(double way_mm, double n) {
+    at = plus(at, along, way_mm);
+    rise_mm += way_mm / across(n);
+  }
   /// Bent by a face; false: it is reflected as a whole.
   bool refract(const FlatPoint& normal, double n, double n_after) {
-    const double cosine = -dot(along, normal), ratio = n / n_after;
-    const double left = 1 - ratio * ratio * (1 - cosine * cosine);
+    const double flat = -dot(along, normal), before = across(n), behind = across(n_after);
+    const double ratio = before / behind, left = 1 - ratio * ratio * (1 - flat * flat);
     if (!(left > 0)) return false;
-    const double after = std::sqrt(left);
+    const double flat_after = std::sqrt(left);
+    // Angles of incidence are those of the ray as it rises.
+    const double cosine = flat * before / n, after = flat_after * behind / n_after;
     const double rs = (n * cosine - n_after * after) / (n * cosine + n_after * after),
                  rp = (n_after * cosine - n * after) / (n_after * cosine + n * after);
     s *= 1 - rs * rs;
     p *= 1 - rp * rp;
-    along =
-        to_length_1(plus({ratio * along.x_mm, ratio * along.y_mm}, normal, ratio * cosine - after));
+    along = to_length_1(
+        plus({ratio * along.x_mm, ratio * along.y_mm}, normal, ratio * flat - flat_after));
     return true;
   }
   void reflect(const FlatPoint& normal) {
@@ -176,12 +186,12 @@ void VialTrace::in_resin(Travelling& now, TracedRay& ray) const {
     }
     // Along a wall that it has just come in by there is no way.
     if (!met) return;
-    TracedPiece piece{now.at, now.along, met.way, now.power(), dimmed_mm};
-    piece.power *= std::exp(-alpha_ * dimmed_mm);
+    TracedPiece piece{now.at, now.along, met.way, now.power(), dimmed_mm, now.rise_mm};
+    piece.power *= std::exp(-alpha_ * ray.stretch * dimmed_mm);
     ray.pieces.push_back(piece);
     dimmed_mm += met.way;
     if (rod < 0) return;
-    now.at = plus(now.at, now.along, met.way);
+    now.go(met.way, n_resin_);
     const Rod& passed = rods_[static_cast<std::size_t>(rod)];
     now.passed(1000 + static_cast<std::uint64_t>(rod));
     if (passed.n == 0) {
@@ -199,22 +209,35 @@ void VialTrace::in_resin(Travelling& now, TracedRay& ray) const {
     }
     const Meeting out = meet(passed, now.at, now.along, false);
     if (!out) return;
-    now.at = plus(now.at, now.along, out.way);
+    now.go(out.way, passed.n);
     if (!now.refract(out.normal, passed.n, n_resin_)) return;
   }
 }
 
-void VialTrace::trace(const FlatPoint& from, const FlatPoint& along, TracedRay& ray) const {
+void VialTrace::trace(double th, const TracedLine& line, TracedRay& ray) const {
+  // Lines are followed from well outside of the vial, at 60 degrees to +Y at most.
+  const double c = std::cos(th), s = std::sin(th), back = 4 * outside_mm_;
+  const double right = std::sin(line.angle_rad), ahead = std::cos(line.angle_rad);
+  const double x = line.x_mm - back * right, y = -back * ahead;
+  Travelling now{{x * c - y * s, x * s + y * c}, {right * c - ahead * s, right * s + ahead * c}};
+  now.n_outside = n_outside_;
+  now.kz = line.kz;
+  now.rise_mm = -back / now.across(n_outside_);
   ray.pieces.clear();
   ray.reflected = false;
-  Travelling now{from, along};
+  ray.rise_per_mm = 1 / now.across(n_resin_);
+  ray.stretch = n_resin_ * ray.rise_per_mm;
+  trace(now, ray);
+}
+
+void VialTrace::trace(Travelling& now, TracedRay& ray) const {
   double n = n_outside_;
   for (std::size_t k = 0; k < faces_.size(); ++k) {
     const Meeting met = meet(faces_[k], now.at, now.along, true);
     now.passed(met ? 2 + static_cast<std::uint64_t>(met.id) : 1);
     ray.history = now.history;
     if (!met) return;
-    now.at = plus(now.at, now.along, met.way);
+    now.go(met.way, n);
     if (!now.refract(met.normal, n, faces_[k].n_behind)) {
       ray.reflected = true;
       now.passed(0);

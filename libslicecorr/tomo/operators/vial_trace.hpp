@@ -1,8 +1,12 @@
 // SPDX-FileCopyrightText: 2026 The slicecorr authors
 // SPDX-License-Identifier: Apache-2.0
 
-/// Level light traced through a vial face by face: walls that are not round, rods that bend light or
-/// send it back. For what closed forms (vial.hpp) do not know.
+/// Light traced through a vial face by face: walls that are not round, rods that bend light or send it back.
+/// For what closed forms (vial.hpp) do not know.
+///
+/// Faces are upright, so n kz stays the same through all of them, kz being the z part of a ray's direction.
+/// Seen from above, a ray that rises goes as a level one does where each index n is n' = sqrt(n² - (n_outside
+/// kz)²) (`index_across`), and by the sum of its ways over n' times n_outside kz it rises on the way.
 ///
 /// Places are across the axis, in the frame of the part, in mm. Light is refracted at each face, dimmed
 /// along its way in resin, and loses what faces reflect (Fresnel, both polarisations by themselves), which
@@ -21,7 +25,10 @@ struct TracedPiece {
   FlatPoint from, along;  ///< `along` has length 1
   double length_mm = 0;
   double power = 0;   ///< of what the ray had in air, at its beginning
-  double way_mm = 0;  ///< in resin before it
+  double way_mm = 0;  ///< in resin before it, seen from above
+  /// Ways, seen from above, over n', to its beginning from where the ray crossed the plane of the axis or
+  /// would have: z there is the line's and n_outside kz times this.
+  double rise_mm = 0;
 };
 
 /// What became of a ray.
@@ -30,15 +37,25 @@ struct TracedRay {
   /// Which faces it passed: rays with the same are bent by the same faces, one after another.
   std::uint64_t history = 0;
   bool reflected = false;  ///< a wall sent it back as a whole, before it came to the resin
+  double rise_per_mm = 1;  ///< by which a piece's rise grows with the way, 1/n'
+  double stretch = 1;      ///< length of its way in resin over that seen from above
+};
+
+/// A pixel's ray next to the vial, in the machine's frame: it passes the plane of the axis at x_mm.
+struct TracedLine {
+  double x_mm = 0, angle_rad = 0;  ///< of its projection along z, from +Y towards +X
+  double z_mm = 0, kz = 0;         ///< where it passes, and the z part of its unit direction
+  double transmittance = 1;        ///< of a bath's window
 };
 
 class VialTrace {
  public:
   VialTrace(const Vial& vial, double n_resin, double alpha_per_mm);
 
-  /// A ray of power 1 from outside of the vial; `along` has length 1. `ray` is filled anew.
-  void trace(const FlatPoint& from, const FlatPoint& along, TracedRay& ray) const;
+  /// A ray of power 1 while the vial stands turned by `th`. `ray` is filled anew.
+  void trace(double th, const TracedLine& line, TracedRay& ray) const;
   double outside_mm() const { return outside_mm_; }
+  double n_outside() const { return n_outside_; }
   double alpha_per_mm() const { return alpha_; }
 
  private:
@@ -56,6 +73,7 @@ class VialTrace {
   static Meeting meet(const Face& face, const FlatPoint& from, const FlatPoint& along,
                       bool inwards);
   static Meeting meet(const Rod& rod, const FlatPoint& from, const FlatPoint& along, bool inwards);
+  void trace(Travelling& now, TracedRay& ray) const;
   void in_resin(Travelling& now, TracedRay& ray) const;
 
   std::vector<Face> faces_;  ///< from outside to the resin

@@ -8,17 +8,18 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <optional>
 
 #include "slicecorr/cure.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/turbidity.hpp"
 #include "slicecorr/vial.hpp"
-#include "slicecorr/vial_outline.hpp"
 #include "tomo/operators/blurred_projector.hpp"
 #include "tomo/operators/rays.hpp"
 #include "tomo/operators/search_projector.hpp"
 #include "tomo/operators/square_projector.hpp"
 #include "tomo/operators/traced_light.hpp"
+#include "tomo/print/traced_bench.hpp"
 
 namespace slicecorr::tomo {
 
@@ -72,7 +73,8 @@ int row_of_slice(const Bench& bench, int slice) {
   return nearest;
 }
 
-Light light_of_groups(const Bench& groups, const Light& light, const Bench& pixels) {
+Light light_of_groups(const Bench& groups, Light light, const Bench& pixels) {
+  if (groups.grid == pixels.grid && groups.window == pixels.window) return light;
   const TomoGrid &from = groups.grid, &to = pixels.grid;
   Light shown(to);
   const PixelWindow &a = groups.window, &b = pixels.window;
@@ -117,40 +119,15 @@ std::shared_ptr<const Projector> of_blurred(const Bench& bench, const Make& make
 
 }  // namespace
 
-namespace {
-
-/// Light that is traced knows walls and rods, and no other inserts.
-void check_traced_insert(const Bench& bench, const Volume& insert) {
-  const TomoGrid& g = bench.grid;
-  for (int y = 0; y < g.voxels; ++y) {
-    for (int x = g.inside(y).first; x < g.inside(y).end; ++x) {
-      if (!bench.traced->resin[static_cast<std::size_t>(y) * static_cast<std::size_t>(g.voxels) +
-                               static_cast<std::size_t>(x)]) {
-        continue;
-      }
-      for (int z = 0; z < g.slices; ++z) {
-        if (insert.coverage[g.voxel(x, y, z)] == 0) continue;
-        throw InputError(fmt::format(
-            "the insert has a voxel at x = {:.3f}, y = {:.3f} mm, in the resin of a vial through which "
-            "light is traced: inserts of any form are not counted there; expected rods in the printer's "
-            "file (glass_rods, metal_rods)",
-            g.voxel_at_mm(x), g.voxel_at_mm(y)));
-      }
-    }
-  }
-}
-
-}  // namespace
-
 std::shared_ptr<const Projector> make_projector(const Bench& bench, const Volume* insert) {
+  if (bench.traced) {
+    if (insert != nullptr) detail::check_traced_insert(bench, *insert);
+    return detail::make_traced_projector(bench.grid, *bench.traced);
+  }
   if (bench.lab) {
     return of_blurred(bench, [&](const LabRays& rays) {
       return std::shared_ptr<const Projector>(make_ray_projector(bench.grid, rays, insert));
     });
-  }
-  if (bench.traced) {
-    if (insert != nullptr) check_traced_insert(bench, *insert);
-    return detail::make_traced_projector(bench.grid, *bench.traced);
   }
   return detail::make_square_projector(bench.grid, bench.rays, insert);
 }
@@ -168,13 +145,13 @@ double most_voxels(Search search) { return search == Search::rough ? 3 : 1; }
 
 std::shared_ptr<const Projector> make_search_projector(const Bench& bench, Search search,
                                                        const Volume* insert) {
+  if (bench.traced) return make_projector(bench, insert);
   if (bench.lab) {
     return of_blurred(bench, [&](const LabRays& rays) {
       return std::shared_ptr<const Projector>(
           detail::make_ray_search_projector(bench.grid, rays, insert, most_voxels(search)));
     });
   }
-  if (bench.traced) return make_projector(bench, insert);
   return detail::make_search_projector(bench.grid, bench.rays, insert, most_voxels(search));
 }
 
@@ -205,53 +182,6 @@ namespace {
 int grouped_in(const Sampling& sampling, double pixel_mm) {
   if (!sampling.grouped) return 1;
   return std::max(1, static_cast<int>(std::floor(sampling.voxel_mm / pixel_mm + kSame)));
-}
-
-/// The printer with walls and light for which closed forms are nearly right: a tube without rods, or one
-/// that is as wide as walls that are not round and bends nothing, as flat ones do to light at right angles.
-Printer nearly(const Printer& printer, double n_resin) {
-  Printer like = printer;
-  Vial& vial = *like.vial;
-  vial.rods.clear();
-  if (vial.shape == VialShape::round) return like;
-  vial.shape = VialShape::round;
-  vial.n_outside = vial.n_wall = n_resin;
-  return like;
-}
-
-/// What else does not go with light that is traced.
-void check_traced(const Printer& printer, const Resin& resin) {
-  const std::string what =
-      fmt::format("light through {} is traced",
-                  printer.vial->shape != VialShape::round
-                      ? fmt::format("a vial of shape \"{}\"", name_of(printer.vial->shape))
-                      : std::string("a vial with rods"));
-  if (slices_share_light(printer, resin)) {
-    wrong(printer, what +
-                       ", where it is level: expected telecentric light without half_angle_deg, "
-                       "spread or scatter");
-  }
-  if (printer.optics->tilt_deg != 0 || !printer.rotation->wobble.empty()) {
-    wrong(printer, what + " about an axis that stands still: expected tilt_deg 0 and no wobble");
-  }
-  if (resin.inhibition_resupply_mj_cm3_s > 0) {
-    wrong(printer, what +
-                       ", and inhibitor that comes back is not followed then: expected a resin "
-                       "without inhibition_resupply_mj_cm3_s");
-  }
-}
-
-/// Columns of the grid's light, as they are traced.
-std::shared_ptr<const detail::TracedLight> traced_light(const Printer& printer, double n,
-                                                        const Bench& b) {
-  const double column = b.window.column_of(0);
-  detail::TracedLight light{detail::VialTrace(*printer.vial, n, b.rays.alpha_per_mm),
-                            pixel_x_mm(printer, column),
-                            printer.pixel_x_um * 1e-3 * b.window.wide,
-                            b.window.wide == 1 ? std::sqrt(printer.fill_factor) : 1,
-                            chief_ray(printer, 0, 0).transmittance,
-                            detail::resin_of(*printer.vial, b.grid)};
-  return std::make_shared<const detail::TracedLight>(std::move(light));
 }
 
 /// Light that stays in its slice.
@@ -383,6 +313,25 @@ bool meets(const LabRay& ray, double lowest_mm, double highest_mm) {
   return std::max(ray.entry_z_mm, end) >= lowest_mm && std::min(ray.entry_z_mm, end) <= highest_mm;
 }
 
+/// Throws for a part that reaches over what the image's rows light on the axis.
+void check_rows(const Printer& printer, const Sampling& sampling, double half_row_mm,
+                const Bench& b) {
+  const std::vector<double>& row_mm = b.rays.row_mm;
+  const double lowest_mm = sampling.z_mm(0), highest_mm = sampling.z_mm(sampling.slices - 1);
+  const double near = kSame * (1 + std::max(std::abs(lowest_mm), std::abs(highest_mm)));
+  // Void is all that an image of one row has above and below it.
+  if (printer.height_px == 1 || (row_mm.front() - half_row_mm <= lowest_mm + near &&
+                                 row_mm.back() + half_row_mm >= highest_mm - near)) {
+    return;
+  }
+  wrong(printer,
+        fmt::format("its image lights {:.3f} to {:.3f} mm on the axis; expected the {:g} mm of the "
+                    "part in it, {:.3f} to {:.3f} mm",
+                    row_mm.front() - half_row_mm, row_mm.back() + half_row_mm,
+                    sampling.slices * sampling.voxel_mm, lowest_mm - 0.5 * sampling.voxel_mm,
+                    highest_mm + 0.5 * sampling.voxel_mm));
+}
+
 /// Light that rises, falls or spreads: all of its rays.
 void make_coupled(const Printer& printer, const Resin& resin, const Sampling& sampling, Bench& b) {
   const Vial& vial = *printer.vial;
@@ -404,6 +353,9 @@ void make_coupled(const Printer& printer, const Resin& resin, const Sampling& sa
   if (all.columns < 2 || all.rows < 1) {
     wrong(printer, fmt::format("its image has fewer than 2 columns of {:g} mm", wide * at_mm));
   }
+  // Walls that are not round (of which alone it says the thickness) bend light in from beside the resin.
+  Printer widest = printer;
+  if (vial.wall_mm > 0) widest.vial->inner_mm = vial.outer_mm * (1 - kSame);
   // A row near the optical axis tells the columns that meet the resin.
   PixelWindow some = all;
   const auto middle_row = static_cast<int>(
@@ -411,7 +363,7 @@ void make_coupled(const Printer& printer, const Resin& resin, const Sampling& sa
   some.first_row =
       all.first_row + std::clamp((middle_row - all.first_row) / high, 0, all.rows - 1) * high;
   some.rows = 1;
-  const LabRays across = lab_rays(printer, n, b.rays.alpha_per_mm, some);
+  const LabRays across = lab_rays(widest, n, b.rays.alpha_per_mm, some);
   const auto per_pixel = static_cast<std::size_t>(across.per_pixel);
   Stretch columns = range_of(all.columns, [&](int c) {
     const auto first = across.rays.begin() + static_cast<std::ptrdiff_t>(per_pixel) * c;
@@ -427,7 +379,7 @@ void make_coupled(const Printer& printer, const Resin& resin, const Sampling& sa
     some = all;
     some.first_column = all.first_column + c * wide;
     some.columns = 1;
-    const LabRays up = lab_rays(printer, n, b.rays.alpha_per_mm, some);
+    const LabRays up = lab_rays(widest, n, b.rays.alpha_per_mm, some);
     for (std::size_t k = 0; k < up.rays.size(); ++k) {
       if (meets(up.rays[k], low_mm, high_mm)) row_meets[k / per_pixel] = true;
     }
@@ -486,21 +438,21 @@ void make_coupled(const Printer& printer, const Resin& resin, const Sampling& sa
   }
   for (int r = 0; r < grid.rows; ++r)
     rays.row_mm.push_back(z_on_axis(middle_of(grid.pixels / 2, r)));
-  const double half_row = 0.5 * high * row_mm;
-  const double near = kSame * (1 + std::max(std::abs(grid.lowest_mm), std::abs(highest_mm)));
-  // Void is all that an image of one row has above and below it.
-  const bool lit = rays.row_mm.front() - half_row <= grid.lowest_mm + near &&
-                   rays.row_mm.back() + half_row >= highest_mm - near;
-  if (!lit && printer.height_px > 1) {
-    wrong(
-        printer,
-        fmt::format("its image lights {:.3f} to {:.3f} mm on the axis; expected the {:g} mm of the "
-                    "part in it, {:.3f} to {:.3f} mm",
-                    rays.row_mm.front() - half_row, rays.row_mm.back() + half_row,
-                    sampling.slices * sampling.voxel_mm, grid.lowest_mm - 0.5 * sampling.voxel_mm,
-                    highest_mm + 0.5 * sampling.voxel_mm));
-  }
+  check_rows(printer, sampling, 0.5 * high * row_mm, b);
   if (!sampling.grouped) b.places = FramePlaces(printer, grid, b.window, b.clockwise);
+}
+
+/// Where rows of traced light are on the axis.
+void set_rows(const Printer& printer, const Sampling& sampling, Bench& b) {
+  const std::optional<double> rise = detail::rise_on_axis(*b.traced);
+  if (!rise) return;
+  const detail::TracedRows& rows = *b.traced->rows;
+  const auto at = [&](double row) {
+    const detail::TracedLine line = rows.line(0.5 * (b.grid.pixels - 1), row, 0);
+    return line.z_mm + printer.vial->n_outside * line.kz * *rise;
+  };
+  for (int r = 0; r < b.grid.rows; ++r) b.rays.row_mm[static_cast<std::size_t>(r)] = at(r);
+  check_rows(printer, sampling, (at(0.5) - at(-0.5)) / 2, b);
 }
 
 }  // namespace
@@ -544,8 +496,8 @@ Bench make_bench(const Printer& printer, const Resin& resin, const Sampling& sam
                       most_frames, sampling.angles));
   }
   b.radius_mm = vial.inner_mm;
-  const Printer closed = vial.traced() ? nearly(printer, n) : printer;
-  if (vial.traced()) check_traced(printer, resin);
+  const Printer closed = vial.traced() ? detail::closed_like(printer, n) : printer;
+  if (vial.traced()) detail::check_traced(printer, resin);
   b.reach_mm = slicecorr::reach_mm(closed, n);
   b.clockwise = printer.rotation->direction == TurnDirection::clockwise;
   b.frame_width = printer.width_px;
@@ -559,11 +511,14 @@ Bench make_bench(const Printer& printer, const Resin& resin, const Sampling& sam
   b.rays.alpha_per_mm = absorption_per_mm(resin);
   b.alpha_r = b.rays.alpha_per_mm * b.radius_mm;
   if (slices_share_light(printer, resin)) {
-    make_coupled(printer, resin, sampling, b);
+    make_coupled(closed, resin, sampling, b);
   } else {
     make_level(closed, n, sampling, b);
   }
-  if (vial.traced()) b.traced = traced_light(printer, n, b);
+  if (vial.traced()) {
+    b.traced = detail::traced_light(printer, n, b);
+    if (b.traced->rows) set_rows(printer, sampling, b);
+  }
   b.mw_cm2 = level_intensities(printer);
   if (!(b.mw_cm2.back() > b.mw_cm2.front())) {
     wrong(printer,

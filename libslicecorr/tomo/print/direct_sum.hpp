@@ -45,6 +45,7 @@ class DirectSum {
 
 std::unique_ptr<DirectSum> make_level_sum(const Judged& judged);
 std::unique_ptr<DirectSum> make_traced_sum(const Judged& judged, const ExecutionContext& context);
+std::unique_ptr<DirectSum> make_rising_sum(const Judged& judged, const ExecutionContext& context);
 std::unique_ptr<DirectSum> make_ray_sum(const Judged& judged, const ExecutionContext& context);
 
 }  // namespace slicecorr::tomo::detail

@@ -45,14 +45,19 @@ constexpr int kTurnedByDeg = 5;
 
 std::vector<LitAt> lit_at(const Printer& printer, const Resin& resin) {
   // Walls and rods count, absorption does not.
-  Sampling sampling{printer.vial->inner_mm * kLookedAt, 1, 3};
+  // Slices that share light are two at least.
+  Sampling sampling{printer.vial->inner_mm * kLookedAt, slices_share_light(printer, resin) ? 2 : 1,
+                    3};
   Printer seen = printer;
   seen.rotation->max_fps = 0;
+  // In the middle of the image, wherever that is.
+  sampling.middle_z_mm = pixel_z_mm(printer, 0.5 * (printer.height_px - 1));
   if (sampling.voxel_mm < seen.pixel_y_um * 1e-3) sampling.voxel_mm = seen.pixel_y_um * 1e-3;
   const Bench bench = make_bench(seen, resin, sampling);
   const TomoGrid& g = bench.grid;
   const detail::TracedLight& light = *bench.traced;
   const detail::TracedStrips strips(g, light, g.voxel_mm(), 0);
+  const detail::TracedBundle bundle = light.bundles[light.bundles.size() / 2];
   const auto n = static_cast<std::size_t>(g.voxels);
   std::vector<LitAt> all;
   for (int deg = 0; deg < 360; deg += kTurnedByDeg) {
@@ -62,11 +67,11 @@ std::vector<LitAt> lit_at(const Printer& printer, const Resin& resin) {
     std::vector<double> sum(n * n);
     int met = 0, reflected = 0;
     for (int i = 0; i < g.pixels; ++i) {
-      strips.of_pixel(th, i, [&](const detail::TracedShare& s) {
+      strips.of_pixel(th, i, bundle, [&](const detail::TracedShare& s) {
         sum[static_cast<std::size_t>(s.y) * n + static_cast<std::size_t>(s.x)] += s.share;
       });
-      const detail::TracedRay ray =
-          detail::traced_ray(light.vial, th, light.first_mm + i * light.pitch_mm);
+      detail::TracedRay ray;
+      light.vial.trace(th, light.line(i, bundle), ray);
       met += ray.reflected || !ray.pieces.empty();
       reflected += ray.reflected;
     }

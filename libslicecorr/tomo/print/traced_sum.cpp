@@ -13,17 +13,16 @@
 
 #include "parallel/silent.hpp"
 #include "slicecorr/tomo/shown.hpp"
-#include "slicecorr/vial_outline.hpp"
-#include "tomo/operators/traced_light.hpp"
 #include "tomo/print/direct_sum.hpp"
 #include "tomo/print/rows_of_slices.hpp"
+#include "tomo/print/traced_walk.hpp"
 
 namespace slicecorr::tomo::detail {
 
 namespace {
 
-/// Rays to a voxel's side, and places along one in a voxel that lies on a wall.
-constexpr int kRaysOfVoxel = 8, kPlaces = 8;
+/// Places along a side of a voxel that lies on a wall.
+constexpr int kPlaces = 8;
 /// Runs of the schedule whose light is followed together.
 constexpr std::size_t kAtOnce = 16;
 
@@ -40,16 +39,10 @@ class TracedSum final : public DirectSum {
       : judged_(judged),
         grid_(judged.bench.grid),
         light_(*judged.bench.traced),
-        area_(*judged.job.printer.vial),
+        walk_(grid_, light_, *judged.job.printer.vial, context),
         n_(static_cast<std::size_t>(judged.bench.grid.voxels)),
         slices_(static_cast<std::size_t>(judged.bench.grid.slices)) {
-    filled_.assign(n_ * n_, 0);
     const auto quiet = slicecorr::detail::silent(context);
-    parallel_for(quiet, "", n_, [&](std::size_t y) {
-      for (std::size_t x = 0; x < n_; ++x) {
-        if (light_.resin[y * n_ + x]) filled_[y * n_ + x] = resin_within(x, y);
-      }
-    });
     const LitRuns runs(judged.schedule, grid_.angles);
     const std::vector<double> shown = light_of_slices(judged, true);
     sum_.assign(n_ * n_ * slices_, 0);
@@ -82,24 +75,6 @@ class TracedSum final : public DirectSum {
       share[voxel] += by;
     }
   };
-
-  /// Share of a column of voxels that resin fills.
-  double resin_within(std::size_t x, std::size_t y) const {
-    const FlatPoint middle{grid_.voxel_at_mm(static_cast<int>(x)),
-                           grid_.voxel_at_mm(static_cast<int>(y))};
-    if (area_.within_mm(middle) > grid_.voxel_mm()) return 1;
-    int in = 0;
-    for (int i = 0; i < kPlaces; ++i) {
-      for (int j = 0; j < kPlaces; ++j) {
-        const auto at = [&](std::size_t v, int k) {
-          return grid_.voxel_at_mm(static_cast<int>(v)) +
-                 grid_.voxel_mm() * ((k + 0.5) / kPlaces - 0.5);
-        };
-        in += area_.has({at(x, i), at(y, j)});
-      }
-    }
-    return std::max(in, 1) / double{kPlaces * kPlaces};
-  }
 
   double lit_of(const LitRun& run, std::size_t pixel, std::size_t z,
                 const std::vector<double>& shown) const {
@@ -135,7 +110,7 @@ class TracedSum final : public DirectSum {
       for (int k = 0; k < count; ++k) {
         const double th = cell_rad * (static_cast<double>(run.first) - 0.5 + (k + 0.5) * wide);
         if (judged_.at == JudgedAt::centres) {
-          points.of_pixel(th, i, [&](const TracedShare& s) {
+          points.of_pixel(th, i, light_.bundles.front(), [&](const TracedShare& s) {
             met.add(static_cast<std::size_t>(s.y) * n_ + static_cast<std::size_t>(s.x),
                     s.share * wide);
           });
@@ -168,63 +143,63 @@ class TracedSum final : public DirectSum {
   /// All rays of a pixel while the vial stands so.
   void follow(double th, int pixel, double cells, Met& met) const {
     const double lit_mm = light_.lit * light_.pitch_mm;
-    const int rays =
-        std::max(2, static_cast<int>(std::ceil(kRaysOfVoxel * lit_mm / grid_.voxel_mm())));
+    const int rays = std::max(
+        2, static_cast<int>(std::ceil(TracedWalk::kRaysOfVoxel * lit_mm / grid_.voxel_mm())));
     const double power =
         cells * light_.pitch_mm / rays * light_.transmitted / (grid_.voxel_mm() * grid_.voxel_mm());
+    TracedRay ray;
     for (int r = 0; r < rays; ++r) {
-      const double x =
-          light_.first_mm + pixel * light_.pitch_mm + lit_mm * ((r + 0.5) / rays - 0.5);
-      const TracedRay ray = traced_ray(light_.vial, th, x);
-      for (const TracedPiece& piece : ray.pieces) through_voxels(piece, power, met);
-    }
-  }
-
-  /// Adds what a piece of a ray leaves in each voxel on its way.
-  void through_voxels(const TracedPiece& piece, double power, Met& met) const {
-    const double h = grid_.voxel_mm(), alpha = light_.vial.alpha_per_mm();
-    // In voxels, whose sides are whole numbers.
-    const double x0 = (piece.from.x_mm + grid_.radius_mm) / h + 0.5,
-                 y0 = (piece.from.y_mm + grid_.radius_mm) / h + 0.5;
-    const double dx = piece.along.x_mm / h, dy = piece.along.y_mm / h;
-    const auto next_side = [](double at, double d, double way) {
-      if (std::abs(d) < 1e-12) return 1e300;
-      const double here = at + d * way;
-      const double side = d > 0 ? std::floor(here + 1e-9) + 1 : std::ceil(here - 1e-9) - 1;
-      return (side - at) / d;
-    };
-    double way = 0;
-    while (way < piece.length_mm - 1e-12) {
-      const double next =
-          std::min({piece.length_mm, next_side(x0, dx, way), next_side(y0, dy, way)});
-      const double middle = (way + next) / 2, length = next - way;
-      const double vx = std::floor(x0 + dx * middle), vy = std::floor(y0 + dy * middle);
-      const auto n = static_cast<double>(n_);
-      if (vx >= 0 && vx < n && vy >= 0 && vy < n) {
-        const std::size_t v = static_cast<std::size_t>(vy) * n_ + static_cast<std::size_t>(vx);
-        if (filled_[v] > 0) {
-          const double left = alpha * length > 1e-9
-                                  ? std::exp(-alpha * way) * -std::expm1(-alpha * length) / alpha
-                                  : std::exp(-alpha * way) * length;
-          met.add(v, power * piece.power * left / filled_[v]);
-        }
+      const double column = pixel + light_.lit * ((r + 0.5) / rays - 0.5);
+      light_.vial.trace(th, light_.line(column, light_.bundles.front()), ray);
+      for (const TracedPiece& piece : ray.pieces) {
+        walk_.through(ray, piece, [&](std::size_t voxel, double left, double /*way*/) {
+          met.add(voxel, power * piece.power * left);
+        });
       }
-      way = next;
     }
   }
 
   const Judged judged_;
   const TomoGrid& grid_;
   const TracedLight& light_;
-  ResinArea area_;
+  TracedWalk walk_;
   std::size_t n_, slices_;
-  std::vector<double> filled_;  ///< share of columns that resin fills; 0: not judged
-  std::vector<double> sum_;     ///< [y][x][slice]
+  std::vector<double> sum_;  ///< [y][x][slice]
 };
 
 }  // namespace
 
+double TracedWalk::resin_within(const ResinArea& area, int x, int y) const {
+  const FlatPoint middle{grid_.voxel_at_mm(x), grid_.voxel_at_mm(y)};
+  if (area.within_mm(middle) > grid_.voxel_mm()) return 1;
+  int in = 0;
+  for (int i = 0; i < kPlaces; ++i) {
+    for (int j = 0; j < kPlaces; ++j) {
+      const auto at = [&](int v, int k) {
+        return grid_.voxel_at_mm(v) + grid_.voxel_mm() * ((k + 0.5) / kPlaces - 0.5);
+      };
+      in += area.has({at(x, i), at(y, j)});
+    }
+  }
+  return std::max(in, 1) / double{kPlaces * kPlaces};
+}
+
+TracedWalk::TracedWalk(const TomoGrid& grid, const TracedLight& light, const Vial& vial,
+                       const ExecutionContext& context)
+    : grid_(grid), light_(light) {
+  const ResinArea area(vial);
+  const auto n = static_cast<std::size_t>(grid.voxels);
+  filled_.assign(n * n, 0);
+  parallel_for(slicecorr::detail::silent(context), "", n, [&](std::size_t y) {
+    for (std::size_t x = 0; x < n; ++x) {
+      if (!light_.resin[y * n + x]) continue;
+      filled_[y * n + x] = resin_within(area, static_cast<int>(x), static_cast<int>(y));
+    }
+  });
+}
+
 std::unique_ptr<DirectSum> make_traced_sum(const Judged& judged, const ExecutionContext& context) {
+  if (judged.bench.traced->rows) return make_rising_sum(judged, context);
   return std::make_unique<TracedSum>(judged, context);
 }
 

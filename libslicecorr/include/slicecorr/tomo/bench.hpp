@@ -169,7 +169,7 @@ double z_of_row(const Bench& bench, int row);
 int row_of_slice(const Bench& bench, int slice);
 
 /// Light of groups of pixels (`Sampling::grouped`), on the pixels of the same printer.
-Light light_of_groups(const Bench& groups, const Light& light, const Bench& pixels);
+Light light_of_groups(const Bench& groups, Light light, const Bench& pixels);
 
 /// The operators of a bench, around an insert (of its grid) or none.
 std::shared_ptr<const Projector> make_projector(const Bench& bench, const Volume* insert = nullptr);

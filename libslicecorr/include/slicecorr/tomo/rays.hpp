@@ -41,6 +41,7 @@ struct PixelWindow {
   /// The middle of a group, in pixels of the projector; it may lie between two.
   double column_of(int group) const { return first_column + group * wide + 0.5 * (wide - 1); }
   double row_of(int group) const { return first_row + group * high + 0.5 * (high - 1); }
+  bool operator==(const PixelWindow&) const = default;
 };
 
 /// One ray in the resin, as seen where it is parallel to u: through t_mm from u = -half_mm to

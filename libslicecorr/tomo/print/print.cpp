@@ -351,10 +351,11 @@ Print solve_in(const Box<std::uint8_t>& part, double voxel_mm, const Printer& pr
   std::optional<detail::LightGoal> goal;
   if (how.method == Method::ladder && how.cap == 0) goal.emplace(bench, least);
   const double per_unit = dose_of_turn(bench.grid, bench.exposure);
-  const auto light_of = [&](const Solution& found, const Asked& asked) {
-    const Light light =
-        detail::light_of_slices({asked.target->grid, found.light}, flat.target->grid);
-    return asked_light(bench, light_of_groups(place.groups, light, bench));
+  // Light takes as much as all frames: it is handed on, but where it is a start once more.
+  const auto light_of = [&](Solution& found, const Asked& asked) {
+    Light light{asked.target->grid, spreads ? found.light : std::move(found.light)};
+    light = detail::light_of_slices(std::move(light), flat.target->grid);
+    return asked_light(bench, light_of_groups(place.groups, std::move(light), bench));
   };
   // The light as bright as the projector can show it gives the number of turns;
   // then as bright as they need.
@@ -519,6 +520,7 @@ Print solve_in(const Box<std::uint8_t>& part, double voxel_mm, const Printer& pr
   Array<float> full = std::move(solution.dose);
   for (float& d : full) d = static_cast<float>(d * brightest);
   const PrintTime time = plan_time(quiet, *asked.projector, *asked.target, full, exposure);
+  full = {};
 
   job.part = part;
   job.insert = options.insert;

@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <numbers>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "slicecorr/tomo/shown.hpp"
@@ -108,7 +109,8 @@ class RaySum final : public DirectSum {
     for (std::size_t k = 0; k < bench_.blur.size(); ++k) {
       const ImageBlur& blur = bench_.blur[k].blur;
       if (blur.none()) {
-        images_.push_back(sharp);
+        // It takes as much as all frames.
+        images_.push_back(k + 1 < bench_.blur.size() ? sharp : std::move(sharp));
         continue;
       }
       Array<float>& blurred = images_.emplace_back(sharp.size());

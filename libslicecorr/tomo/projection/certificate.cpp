@@ -20,6 +20,10 @@ constexpr int kRounds = 12;
 /// The same with the weights of a prover, which takes longer.
 constexpr int kProverRounds = 4;
 constexpr float kRaise = 10;
+/// Rounds after these in which all rays count alike, however little of a voxel they meet: as many as it takes
+/// until what all void gets for the worst ray is less than this of the bound.
+constexpr int kEvenRounds = 8;
+constexpr double kLittle = 0.01;
 /// Bands that reach as high have no most.
 constexpr float kFree = 1e30F;
 
@@ -92,8 +96,10 @@ class BlockBounds {
     }
   }
 
-  /// Bounds with `high` as it is, the least so far of each slice.
-  void look() {
+  /// Bounds with `high` as it is, the least so far of each slice. The largest share of one that all void gets
+  /// for the worst ray.
+  double look() {
+    double share_of_worst = 0;
     forward(now_.high, a_high_);
     std::vector<double> sum_high(lanes_), delta(lanes_);
     for (std::size_t i = 0; i < now_.high.size(); ++i) {
@@ -115,10 +121,14 @@ class BlockBounds {
     for (std::size_t l = 0; l < lanes_; ++l) {
       if (!(sum_low_[l] > 0 && delta[l] < kWithoutEnd)) continue;
       const double bound = (sum_high[l] + delta[l] * count_[l]) / sum_low_[l];
+      if (bound > 0) {
+        share_of_worst = std::max(share_of_worst, delta[l] * count_[l] / sum_low_[l] / bound);
+      }
       if (!(bound < bounds_[l])) continue;
       bounds_[l] = bound;
       for (std::size_t i = l; i < best_.size(); i += lanes_) best_[i] = now_.high[i];
     }
+    return share_of_worst;
   }
 
   /// Void on rays that miss something gets the mean of what they miss, and more.
@@ -127,6 +137,20 @@ class BlockBounds {
     if (seen_.empty()) seen_ = adjoint(Array<float>(pixels(), 1.0f));
     for (std::size_t i = 0; i < missed.size(); ++i) {
       if (now_.empty[i] > 0 && seen_[i] > 0) now_.high[i] += kRaise * missed[i] / seen_[i];
+    }
+  }
+
+  /// The same, where each ray counts by its share of all that it meets of void: one that meets a corner of a
+  /// voxel is made up for, too.
+  void raise_evenly() {
+    Array<float> ones(pixels());
+    for (std::size_t i = 0; i < pixels(); ++i) {
+      ones[i] = a_empty_[i] > 0 ? 1 / a_empty_[i] : 0.0F;
+      ray_[i] *= ones[i];
+    }
+    const Array<float> missed = adjoint(ray_), met = adjoint(ones);
+    for (std::size_t i = 0; i < missed.size(); ++i) {
+      if (now_.empty[i] > 0 && met[i] > 0) now_.high[i] += kRaise * missed[i] / met[i];
     }
   }
 
@@ -165,9 +189,13 @@ BlockBounds found_in(const Projector& projector, std::size_t block, Witness witn
                      const ExecutionContext& context, int rounds = kRounds) {
   BlockBounds bounds(projector, block, std::move(witness), context);
   for (int round = 0;; ++round) {
-    bounds.look();
-    if (round == rounds) return bounds;
-    bounds.raise();
+    const double of_worst = bounds.look();
+    if (round >= rounds && (of_worst < kLittle || round == rounds + kEvenRounds)) return bounds;
+    if (round < rounds) {
+      bounds.raise();
+    } else {
+      bounds.raise_evenly();
+    }
   }
 }
 

@@ -28,6 +28,8 @@ constexpr double kFalls = 0.01;
 /// What a proof's rung times the contrast found is at most. Nearer to 1 little is left of the loss,
 /// and what rays lack weighs more than that; farther away the bound is of another problem.
 constexpr double kBeyond = 0.9;
+/// The same once more, farther away, where the bound is this many times the contrast found: little was left.
+constexpr double kFartherBeyond = 0.7, kWide = 1.5;
 
 /// The share of its loss that the second half of a slice's steps has to take away.
 constexpr double kWorthGoingOn = 0.3;
@@ -332,10 +334,18 @@ class Ladder {
   /// The proof wants the minimum of the first two terms alone, without bounds on the light, of the
   /// slices that limit the part, on a rung that is out of reach. Where a prover proves the bound, which
   /// takes longer, it does so once, of the dose that promises most.
-  void prove(double missed, std::vector<int> slices) {
+  void prove(double missed, const std::vector<int>& slices) {
     if (options_.proof_steps == 0) return;
     const double contrast = least_kept();
-    const double rung = contrast > 0 ? std::min(missed, kBeyond / contrast) : missed;
+    const auto rung = [&](double beyond) {
+      return contrast > 0 ? std::min(missed, beyond / contrast) : missed;
+    };
+    prove_on(rung(kBeyond), slices);
+    if (rung(kFartherBeyond) < rung(kBeyond) && found_.contrast_bound > kWide * contrast) {
+      prove_on(rung(kFartherBeyond), slices);
+    }
+  }
+  void prove_on(double rung, std::vector<int> slices) {
     double promised = kNone;
     double& least = options_.prover == nullptr ? found_.contrast_bound : promised;
     Array<float> promising;

@@ -307,6 +307,18 @@ TEST_F(TomoProgram, WrongUseIsToldByName) {
   auto beside = solve("a.frames");
   beside.insert(beside.end(), {"--center-mm", "1,1"});
   EXPECT_THAT(call(beside).err, HasSubstr("--center-mm"));
+  // Voxels are not turned or scaled, and have one size.
+  for (const std::vector<std::string>& more : {std::vector<std::string>{"--scale", "2"},
+                                               {"--fit-mm", "9"},
+                                               {"--rotate-deg", "0,0,90"},
+                                               {"--units", "inch"},
+                                               {"--layer-um", "300"}}) {
+    auto turned = solve("a.frames");
+    turned.insert(turned.end(), more.begin(), more.end());
+    const test::RunResult r = call(turned);
+    EXPECT_EQ(r.exit_code, 2) << more[0];
+    EXPECT_THAT(r.err, HasSubstr(more[0]));
+  }
   auto clipped = solve("a.frames");
   clipped.insert(clipped.end(), {"--clip-sigma", "3"});
   EXPECT_THAT(call(clipped).err, HasSubstr("expected --method osmo"));

@@ -233,6 +233,13 @@ void TomoPrintOptions::add_wanted_to(CLI::App& app) {
 namespace {
 
 void check_wanted_options(const TomoPrintOptions& o) {
+  const bool turned = o.mesh.scale != 1 || o.mesh.fit_mm > 0 || !o.mesh.rotate_deg.empty() ||
+                      o.mesh.units != "auto";
+  if (turned && o.mesh.parts.empty()) {
+    throw InputError(
+        "--scale, --fit-mm, --rotate-deg and --units are of meshes; expected voxels that have their size and "
+        "turn");
+  }
   if (o.wanted.empty()) {
     if (o.tolerance.empty() && o.weights.empty() && o.conversion_curve.empty() && o.white == 0) {
       return;

@@ -85,6 +85,9 @@ int solve(const TomoOptions& o, const ExecutionContext& context, Console& consol
   if (!o.mesh.center_mm.empty()) {
     throw InputError("--center-mm has no place here: parts are middled on the axis");
   }
+  if (o.voxel_mm > 0 && o.mesh.layer_um > 0) {
+    throw InputError("--voxel-mm and --layer-um both say a voxel's side; expected one of them");
+  }
   std::vector<std::string> inputs = o.mesh.parts;
   inputs.insert(inputs.end(), o.inserts.begin(), o.inserts.end());
   for (const std::string& file : {o.volume, o.wanted, o.tolerance, o.weights, o.conversion_curve}) {

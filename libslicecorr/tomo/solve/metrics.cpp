@@ -191,10 +191,9 @@ PrintTime plan_time(const ExecutionContext& context, const Projector& projector,
   const double turns = std::ceil(exposure.critical_mj_cm3 / least * (1 - 1e-12));
   time.time_s = std::max(1.0, turns) * exposure.turn_s;
   if (turns > 1e6 || (exposure.most_time_s > 0 && time.time_s > exposure.most_time_s)) {
-    throw InfeasibleError("printing takes " +
-                          std::to_string(static_cast<long long>(std::min(turns, 9e15))) +
-                          " turns, " + std::to_string(time.time_s) +
-                          " s, longer than allowed; more light would shorten it");
+    throw InfeasibleError(fmt::format(
+        "printing takes {:.0f} turns, {:g} s, longer than allowed; more light would shorten it",
+        turns, time.time_s));
   }
   time.turns = std::max(1, static_cast<int>(turns));
   time.scale = exposure.critical_mj_cm3 / (time.turns * least);

@@ -209,7 +209,7 @@ class Print:
         for n, d_um, dt in self.looks(z_um):
             light = self.blue[n][..., None] * np.exp(-d_um / self.he_um) * back
             if self.pulses is not None:
-                total = greatest = total + self.of_pulses(n, d_um, uv).sum(-1) * dt
+                total = greatest = total + self.of_pulses(n, d_um, uv, back).sum(-1) * dt
                 continue
             if uv and self.uv is not None:
                 light = np.maximum(0, light - self.beta * self.uv[n][..., None] * np.exp(-d_um / self.huv_um))
@@ -227,10 +227,10 @@ class Print:
             return total
         return self.gelled(np.concatenate(lights, -1), np.concatenate(roots, -1), np.array(times))
 
-    def of_pulses(self, n, d_um, uv=True):
+    def of_pulses(self, n, d_um, uv=True, back=1):
         """Rates at some distances: full light and black light in their shares of the time, with UV light all along."""
         share, black = self.pulses
-        light = self.blue[n][..., None] * np.exp(-d_um / self.he_um)
+        light = self.blue[n][..., None] * np.exp(-d_um / self.he_um) * back
         taken = self.beta * self.uv[n][..., None] * np.exp(-d_um / self.huv_um) if uv else 0
         of = [np.maximum(0, part * light - taken) ** self.m for part in (1, black)]
         return share[n][..., None] * of[0] + (1 - share[n])[..., None] * of[1]
@@ -282,13 +282,14 @@ class Print:
 
     def net_own_doses(self):
         """The same under UV light: the greatest dose in the layer, and at its far edge; and how much of it gels."""
-        d_um = (np.arange(16) + 1) / 16 * self.layer_um
         doses = []
         for n in range(self.layers):
+            d_um = (np.arange(16) + 1) / 16 * self.heights_um[n]
+            back = 1 + self.rho * np.exp(-2 * (self.nodes_um[n + 1] - d_um) / self.he_um)
             if self.pulses is not None:
-                doses.append(self.of_pulses(n, d_um) * self.exposure_s / self.dose)
+                doses.append(self.of_pulses(n, d_um, True, back) * self.exposure_s / self.dose)
                 continue
-            light = self.blue[n][..., None] * np.exp(-d_um / self.he_um)
+            light = self.blue[n][..., None] * np.exp(-d_um / self.he_um) * back
             light = np.maximum(0, light - self.beta * self.uv[n][..., None] * np.exp(-d_um / self.huv_um))
             doses.append(light ** self.m * self.exposure_s / self.dose)
         doses = np.array(doses)

@@ -98,7 +98,11 @@ double inhibited_dose_for_end(const CureModel& model, int slices) {
 double dose_for_end(const CureModel& model, int first, int slices) {
   if (model.mode == ExposureMode::layerwise && !model.inhibited()) return 1.0;
   if (slices < 1) return std::numeric_limits<double>::infinity();
-  if (model.inhibited()) return inhibited_dose_for_end(model, slices);
+  if (model.inhibited()) {
+    const double usual =
+        model.heights.alike() ? slices : model.depth(first + slices) - model.depth(first);
+    return inhibited_dose_for_end(model, static_cast<int>(usual));
+  }
   if (model.gel_time()) {
     // Both doses are inversely proportional to the speed. One slice is to spare (slices_with_burst).
     const GelTimeKernel& kernel = *model.gel_time();

@@ -56,8 +56,10 @@ Process with_uv_of_slices(const Setup& setup, const PlaceModels& models,
   std::vector<double> needed;
   for (const double blue : brightest_mw_cm2) {
     const auto n = static_cast<int>(needed.size());
+    // With what comes back from the platform.
+    const double back = kernel.blue_at_front(n, process.uv.dead_zone_um);
     needed.push_back(
-        uv_for_dead_zone(kernel.kinetics(), blue * share_of(n), process.uv.dead_zone_um));
+        uv_for_dead_zone(kernel.kinetics(), blue * share_of(n) * back, process.uv.dead_zone_um));
   }
   UvLadder ladder{kernel.setting_uv_mw_cm2(0, kernel.levels() - 1) * most_share,
                   setup.printer.uv->min_mw_cm2() * least, 1.05};

@@ -32,7 +32,12 @@ void ColumnDesign::ask(const ColumnBounds& bounds) {
 /// most, and full light adds what the kernel says.
 void ColumnDesign::want_doses(int first, int end) {
   const auto count = static_cast<std::size_t>(end - first) + 1;
-  const double a = plan_.kernel->a();
+  // What is left at node k of a dose j layers below it, at least.
+  const auto left = [&](int k, int j) {
+    const InhibitedKernel& kernel = *plan_.kernel;
+    return kernel.alike() ? std::pow(kernel.a(), j)
+                          : kernel.fade(kernel.place_um(k + j) - kernel.place_um(k));
+  };
   const bool free_above = first == 0 || left_alone(first - 1), free_below = left_alone(end);
   const auto dark = [&](int k) {
     return k < plan_.all_layers ? plan_.dark_node[static_cast<std::size_t>(k)] : 0.0;
@@ -53,7 +58,7 @@ void ColumnDesign::want_doses(int first, int end) {
   for (int j = 1; !free_below && j <= std::min(plan_.reach, end - first); ++j) {
     const int k = end - j;
     const double other = demand[static_cast<std::size_t>(end)] - dark(end);
-    const double cap = dark(k) + plan_.climb(k, j) + std::pow(a, j) * std::max(0.0, other);
+    const double cap = dark(k) + plan_.climb(k, j) + left(k, j) * std::max(0.0, other);
     least_[at(k)] = std::min(least_[at(k)], cap);
     most_[at(k)] = std::min(most_[at(k)], cap);
   }
@@ -71,7 +76,9 @@ void ColumnDesign::want_doses(int first, int end) {
   double cap = free_above ? std::numeric_limits<double>::infinity() : own;
   double least_above = cap;
   for (int k = first; k <= end; ++k) {
-    const auto falls = [&](double dose) { return dark(k) + std::max(0.0, dose - dark(k - 1)) / a; };
+    const auto falls = [&](double dose) {
+      return dark(k) + std::max(0.0, dose - dark(k - 1)) / left(k - 1, 1);
+    };
     if (k > first) least_above = falls(least_above);
     const int near = std::max(first, k - 2 * plan_.peak);
     least_above = std::min(least_above, wanted_most_[at(near)]);
@@ -152,7 +159,9 @@ double ColumnDesign::demand_at(int node) const {
   // Between nodes the dose may dip by a little, also where the platform or what is left alone is to hold
   // the feature; edges get just what they need.
   const auto holds = [&](int layer) { return layer < 0 || full(layer) || left_alone(layer); };
-  if ((above == 255 && holds(node)) || (below == 255 && holds(node - 1))) return plan_.inside;
+  if ((above == 255 && holds(node)) || (below == 255 && holds(node - 1))) {
+    return plan_.inside_of(std::max(node - 1, 0), std::min(node, plan_.layers - 1));
+  }
   if (above == 255 || below == 255) {
     // Above a feature nothing is lit: light from below falls by a in a slice.
     return above == 0 ? std::pow(plan_.kernel->a(), below_node(node, farthest_)) : 1.0;

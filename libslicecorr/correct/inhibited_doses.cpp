@@ -46,21 +46,20 @@ void ColumnDoses::set_floors(const std::vector<Level>& floors) {
   floor_middle_ = plan_.dark_middle;
   floor_far_ = plan_.dark_far;
   floor_fine_ = plan_.dark_fine;
-  const double a = plan_.kernel->a();
   double far_node = 0, far_middle = 0;  // of slices near and more layers away
   for (int k = plan_.all_layers; k-- > 0;) {
-    far_node *= a;
-    far_middle *= a;
+    const double node_left = plan_.node_fade(k), middle_left = plan_.middle_fade(k);
+    far_node *= node_left;
+    far_middle *= middle_left;
     if (const int n = k + plan_.near; n < plan_.all_layers && floor(n) > 0) {
-      const double r = a * plan_.ratio_of(n);
       const int s = plan_.setting_of(n);
-      far_node += r * plan_.node_light.close(s, floor(n), plan_.near - 1);
-      far_middle += r * plan_.middle_light.close(s, floor(n), plan_.near - 1);
+      far_node += node_left * plan_.ratio_of(n) * plan_.node_light.last(s, floor(n));
+      far_middle += middle_left * plan_.ratio_of(n) * plan_.middle_light.last(s, floor(n));
     }
     const auto i = static_cast<std::size_t>(k);
     floor_far_[i] += far_node;
-    floor_node_[i] += far_node;
-    floor_middle_[i] += far_middle;
+    floor_node_[i] += far_node * plan_.node_back(k);
+    floor_middle_[i] += far_middle * plan_.middle_back(k);
     for (int j = 0; j < plan_.near && k + j < plan_.all_layers; ++j) {
       const int n = k + j, s = plan_.setting_of(n);
       if (floor(n) == 0) continue;
@@ -69,7 +68,9 @@ void ColumnDoses::set_floors(const std::vector<Level>& floors) {
     }
     if (floor_fine_.empty()) continue;
     float* const out = &floor_fine_[i * kSamples];
-    for (int t = 0; t < kSamples; ++t) out[t] += static_cast<float>(far_node) * fade_[t];
+    const float* const fade =
+        plan_.sample_fades.empty() ? fade_ : plan_.sample_fades.data() + i * kSamples;
+    for (int t = 0; t < kSamples; ++t) out[t] += static_cast<float>(far_node) * fade[t];
     for (int j = 0; j < plan_.near && k + j < plan_.all_layers; ++j) {
       const int n = k + j;
       if (floor(n) == 0) continue;
@@ -107,19 +108,18 @@ void ColumnDoses::rebuild() {
 
 void ColumnDoses::add(int n, int level) {
   const auto i = static_cast<std::size_t>(n);
-  const double r = plan_.ratio_of(n), a = plan_.kernel->a();
-  far_node_[i] = a * far_node_[i + 1];
-  far_middle_[i] = a * far_middle_[i + 1];
+  const double r = plan_.ratio_of(n);
+  const int farthest = n - plan_.near + 1;
+  far_node_[i] = plan_.node_fade(farthest) * far_node_[i + 1];
+  far_middle_[i] = plan_.middle_fade(farthest) * far_middle_[i + 1];
   levels_[i] = static_cast<Level>(level);
   last_ = std::max(last_, n);
   const int least = floor(n);
   if (level == least) return;
-  const int s = plan_.setting_of(n), last = plan_.near - 1;
+  const int s = plan_.setting_of(n);
   // Extra light of level 0 is 0.
-  far_node_[i] +=
-      r * (plan_.node_light.close(s, level, last) - plan_.node_light.close(s, least, last));
-  far_middle_[i] +=
-      r * (plan_.middle_light.close(s, level, last) - plan_.middle_light.close(s, least, last));
+  far_node_[i] += r * (plan_.node_light.last(s, level) - plan_.node_light.last(s, least));
+  far_middle_[i] += r * (plan_.middle_light.last(s, level) - plan_.middle_light.last(s, least));
   move_light(n, least, level);
 }
 
@@ -153,11 +153,24 @@ void ColumnDoses::add_dark(int n, int end) {
   double node = far_node_[i], middle = far_middle_[i];
   if (node == 0 && middle == 0) return;
   last_ = std::max(last_, n);
-  for (const auto stop = static_cast<std::size_t>(end); i > stop;) {
+  for (const auto stop = static_cast<std::size_t>(end); i > stop && plan_.fades.empty();) {
     --i;
     far_node_[i] = node = a * node;
     far_middle_[i] = middle = a * middle;
   }
+  for (int k = n; k >= end && !plan_.fades.empty(); --k) {
+    const auto at = static_cast<std::size_t>(k);
+    const int farthest = k - plan_.near + 1;
+    far_node_[at] = node = plan_.node_fade(farthest) * node;
+    far_middle_[at] = middle = plan_.middle_fade(farthest) * middle;
+  }
+}
+
+/// What slices from `next` on give node k, all of them beyond the reach of the tables, where layers are not alike.
+double ColumnDoses::far_of_own(int k, int next) const {
+  const InhibitedKernel& kernel = *plan_.kernel;
+  const double um = kernel.place_um(next - plan_.near + 1) - kernel.place_um(k);
+  return far_node_[static_cast<std::size_t>(next)] * kernel.fade(um) * plan_.node_back(k);
 }
 
 /// Replaces the light that slice n gives the layers within reach of the tables: that of level

@@ -58,9 +58,9 @@ class ColumnDoses {
   /// What a level of slice n adds at the node j layers above it, beyond the light of the slice's
   /// floor.
   double extra(int n, int level, int j) const {
-    const int s = plan_.setting_of(n), least = floor(n);
-    double light = plan_.node_light.one(s, level, j);
-    if (least > 0) light = std::max(0.0, light - plan_.node_light.one(s, least, j));
+    const int least = floor(n);
+    double light = plan_.light_of(n, level, j);
+    if (least > 0) light = std::max(0.0, light - plan_.light_of(n, least, j));
     return plan_.ratio_of(n) * light;
   }
   /// The doses of black slices and floors alone.
@@ -72,12 +72,14 @@ class ColumnDoses {
 
   double node(int k) const {
     const auto i = static_cast<std::size_t>(k);
-    return floor_node(k) + near_node_[i + reach_] + far_at(far_node_, k);
+    return floor_node(k) + near_node_[i + reach_] + far(k) * plan_.node_back(k);
   }
   /// Dose in the middle of layer k.
   double middle(int k) const {
     const auto i = static_cast<std::size_t>(k);
-    return floor_middle(k) + near_middle_[i + reach_] + far_at(far_middle_, k);
+    return floor_middle(k) + near_middle_[i + reach_] +
+           plan_.middle_fade(k) * far_middle_[static_cast<std::size_t>(k + plan_.near)] *
+               plan_.middle_back(k);
   }
   /// Dose `below` slices below node k, at most half a slice to either side: by a straight line from
   /// the node to the middle there.
@@ -86,13 +88,17 @@ class ColumnDoses {
     if (below == 0) return at_node;
     return at_node + (middle(below > 0 ? k : k - 1) - at_node) * 2.0 * std::abs(below);
   }
-  /// Dose at node k of the slices at least `near` layers away, beyond their floors.
-  double far(int k) const { return far_at(far_node_, k); }
+  /// Dose at node k of the slices at least `near` layers away, beyond their floors; without the light that the
+  /// platform sends back.
+  double far(int k) const {
+    return plan_.node_fade(k) * far_node_[static_cast<std::size_t>(k + plan_.near)];
+  }
   /// Dose at node k of floors and of the slices after n, as added so far.
   double so_far(int k, int n) const {
     if (n - k < plan_.near) return node(k);
     // All of these slices lie further away than the tables reach.
     const int next = n + 1;
+    if (!plan_.fades.empty()) return floor_node(k) + far_of_own(k, next);
     const int away = next - k - plan_.near + 1;
     const double power = plan_.promises.has_power(away) ? *plan_.promises.powers(away)
                                                         : std::pow(plan_.kernel->a(), away);
@@ -102,8 +108,9 @@ class ColumnDoses {
   double least_sampled(int k) const {
     const auto at = static_cast<std::size_t>(k) * kSamples;
     const float* const dark = (floor_fine_.empty() ? plan_.dark_fine : floor_fine_).data() + at;
-    return static_cast<double>(least_sample(dark, near_fine_.data() + at, fade_,
-                                            static_cast<float>(far_at(far_node_, k))));
+    const float* const fade = plan_.sample_fades.empty() ? fade_ : plan_.sample_fades.data() + at;
+    return static_cast<double>(
+        least_sample(dark, near_fine_.data() + at, fade, static_cast<float>(far(k))));
   }
   /// What nodes `first` and after it have of slices after n, and are to have, for `last_asking`: all
   /// within reach of the tables (`near`), or all beyond. Without what can still come.
@@ -131,16 +138,14 @@ class ColumnDoses {
     const auto k = static_cast<std::size_t>(first);
     return {(floor_middle_.empty() ? plan_.dark_middle : floor_middle_).data() + k,
             near_middle_.data() + k + reach_, far_middle_.data() + first + plan_.near,
-            plan_.kernel->a()};
+            plan_.kernel->a(), plan_.fades.empty() ? nullptr : plan_.middle_times.data() + k};
   }
 
  private:
   double base_of(const std::vector<double>& own, const std::vector<double>& of_plan, int k) const {
     return (own.empty() ? of_plan : own)[static_cast<std::size_t>(k)];
   }
-  double far_at(const std::vector<double>& f, int k) const {
-    return plan_.kernel->a() * f[static_cast<std::size_t>(k + plan_.near)];
-  }
+  double far_of_own(int k, int next) const;
   void blacken(int last);
   void move_light(int n, int from, int to);
 

@@ -78,7 +78,12 @@ double ColumnJudge::edge_error_um(const ColumnDesign::Edge& edge) const {
   const bool printed = value >= 1.0;
   // Printed at the edge: follow it into the gap; else look for print inside the feature.
   const int step = printed == edge.upper ? -1 : 1;
-  double at = start;
+  double at = start, passed_um = 0;
+  // Lengths are those of the layer in which they lie.
+  const auto half_um = [&](double from, double to) {
+    const int layer = static_cast<int>(std::floor(0.25 * (from + to)));
+    return std::abs(to - from) * 0.5 * plan_.kernel->height_um(layer);
+  };
   int h = static_cast<int>(step > 0 ? std::floor(start) + 1 : std::ceil(start) - 1);
   for (; h >= 0 && h <= end; h += step) {
     const double passed = std::abs(at - start);
@@ -86,7 +91,8 @@ double ColumnJudge::edge_error_um(const ColumnDesign::Edge& edge) const {
     const double next = dose(h);
     if ((next >= 1.0) != printed) {
       const double t = (1.0 - value) / (next - value);
-      return (passed + t * std::abs(h - at)) * 0.5 * plan_.layer_um;
+      return plan_.lags_from.empty() ? (passed + t * std::abs(h - at)) * 0.5 * plan_.layer_um
+                                     : passed_um + t * half_um(at, h);
     }
     // Stop where the gap or the feature that is searched ends.
     const int layer = (h + (step > 0 ? 0 : -1)) / 2;
@@ -94,6 +100,7 @@ double ColumnJudge::edge_error_um(const ColumnDesign::Edge& edge) const {
       if ((design_.coverage(layer) != 0) == printed) break;
     }
     value = next;
+    passed_um += half_um(at, h);
     at = h;
   }
   return std::numeric_limits<double>::infinity();
@@ -152,7 +159,7 @@ void ColumnJudge::look_inside(int k) {
   inside_.least = std::min({below, half, above});
   if (!steps && SmoothBounds(below, half, above).low >= 1.0) return;
   const int end = std::min(k + plan_.near, plan_.all_layers);
-  const double beyond = (doses_.floor_far(k) + doses_.far(k)) / kernel.a();
+  const double beyond = (doses_.floor_far(k) + doses_.far(k)) / plan_.node_fade(k);
   // Where all near slices show one level, the layer's least dose follows from that level alone.
   const int level = doses_.level(k);
   if (run_first_ != k + 1 || doses_.level(run_first_) != level) {
@@ -160,7 +167,7 @@ void ColumnJudge::look_inside(int k) {
   }
   run_first_ = k;
   const bool same = plan_.uniform && inside_.least >= 1.0 && run_end_ >= k + plan_.near;
-  if (same && layer_.steady_above(0, level, 1.0, beyond, 0.0)) return;
+  if (same && layer_.steady_above({k, 0, level, 1.0}, beyond, 0.0)) return;
   Window wanted;
   Window* safe = nullptr;
   if (!safe_.empty() && inside_.least >= 1.0 && end == k + plan_.near) {
@@ -170,7 +177,7 @@ void ColumnJudge::look_inside(int k) {
       return;
     }
   }
-  layer_.begin(beyond);
+  layer_.begin(beyond, k);
   for (int n = k; n < end;) {
     int past = n + 1;
     if (plan_.uniform) {
@@ -180,8 +187,7 @@ void ColumnJudge::look_inside(int k) {
     n = past;
   }
   // The layer's own slice adds nothing at the window, unless resin cures there.
-  const double own =
-      steps ? plan_.ratio_of(k) * kernel.exact(plan_.setting_of(k), level, 0.0) : 0.0;
+  const double own = steps ? plan_.ratio_of(k) * kernel.added(k, level, k + 1.0) : 0.0;
   layer_.sample(below + own, half, above);
   layer_.find(0.0, inside_);
   if (safe && inside_.crossings.empty() && inside_.least >= 1.0) {

@@ -85,9 +85,34 @@ std::size_t last_asking(const NodesAsking& nodes, std::size_t count) {
   return count;
 }
 
+namespace {
+
+/// Layers of their own are few, or change what their slices show at every step: no loop is compiled for them.
+double dose_at(const MiddleDoses& doses, std::size_t i) {
+  return doses.dark[i] + doses.added[i] + doses.times(i) * doses.far[i];
+}
+
+std::int64_t count_wrong_of_own(const std::uint8_t* coverage, const MiddleDoses& doses,
+                                std::size_t count) {
+  std::int64_t wrong = 0;
+  for (std::size_t i = 0; i < count; ++i) {
+    const bool prints = dose_at(doses, i) >= 1.0;
+    wrong += (coverage[i] == 255 && !prints) || (coverage[i] == 0 && prints) ? 1 : 0;
+  }
+  return wrong;
+}
+
+double cost_of(std::uint8_t coverage, double m, const LayerCosts& c) {
+  const double lacks = std::max(0.0, c.core_dose - m), excess = std::max(0.0, m - c.excess_dose),
+               over = std::max(0.0, m - c.gap_dose);
+  const double full = c.core_weight * lacks * lacks + c.excess_weight * excess * excess,
+               empty = c.gap_weight * over * over;
+  return coverage == 255 ? full : coverage == 0 ? empty : 0.0;
+}
+
 SLICECORR_CLONES
-std::int64_t count_wrong(const std::uint8_t* coverage, const MiddleDoses& doses,
-                         std::size_t count) {
+std::int64_t count_wrong_alike(const std::uint8_t* coverage, const MiddleDoses& doses,
+                               std::size_t count) {
   const double* __restrict const dark = doses.dark;
   const double* __restrict const added = doses.added;
   const double* __restrict const far = doses.far;
@@ -102,8 +127,8 @@ std::int64_t count_wrong(const std::uint8_t* coverage, const MiddleDoses& doses,
 }
 
 SLICECORR_CLONES
-void cost_of_layers(const std::uint8_t* coverage, const MiddleDoses& doses, const LayerCosts& costs,
-                    std::span<double> cost) {
+void cost_of_layers_alike(const std::uint8_t* coverage, const MiddleDoses& doses,
+                          const LayerCosts& costs, std::span<double> cost) {
   const double* __restrict const dark = doses.dark;
   const double* __restrict const added = doses.added;
   const double* __restrict const far = doses.far;
@@ -112,11 +137,26 @@ void cost_of_layers(const std::uint8_t* coverage, const MiddleDoses& doses, cons
   const LayerCosts c = costs;
   for (std::size_t i = 0; i < cost.size(); ++i) {
     const double m = dark[i] + added[i] + a * far[i];
-    const double lacks = std::max(0.0, c.core_dose - m), excess = std::max(0.0, m - c.excess_dose),
-                 over = std::max(0.0, m - c.gap_dose);
-    const double full = c.core_weight * lacks * lacks + c.excess_weight * excess * excess,
-                 empty = c.gap_weight * over * over;
-    out[i] = coverage[i] == 255 ? full : coverage[i] == 0 ? empty : 0.0;
+    out[i] = cost_of(coverage[i], m, c);
+  }
+}
+
+}  // namespace
+
+std::int64_t count_wrong(const std::uint8_t* coverage, const MiddleDoses& doses,
+                         std::size_t count) {
+  return doses.fades ? count_wrong_of_own(coverage, doses, count)
+                     : count_wrong_alike(coverage, doses, count);
+}
+
+void cost_of_layers(const std::uint8_t* coverage, const MiddleDoses& doses, const LayerCosts& costs,
+                    std::span<double> cost) {
+  if (!doses.fades) {
+    cost_of_layers_alike(coverage, doses, costs, cost);
+    return;
+  }
+  for (std::size_t i = 0; i < cost.size(); ++i) {
+    cost[i] = cost_of(coverage[i], dose_at(doses, i), costs);
   }
 }
 

@@ -55,6 +55,9 @@ std::size_t last_asking(const NodesAsking& nodes, std::size_t count);
 struct MiddleDoses {
   const double *dark, *added, *far;
   double a;
+  /// Where layers are not alike, in place of `a`: of each layer; null: `a`.
+  const double* fades = nullptr;
+  double times(std::size_t i) const { return fades ? fades[i] : a; }
 };
 /// How many of `count` layers are full and don't print, or empty and do.
 std::int64_t count_wrong(const std::uint8_t* coverage, const MiddleDoses& doses, std::size_t count);

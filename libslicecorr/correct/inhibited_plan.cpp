@@ -29,14 +29,18 @@ ExtraLight::ExtraLight(const InhibitedKernel& kernel, InhibitedKernel::LayerPosi
   for (int s = 0; s < kernel.settings(); ++s) {
     const double* from = kernel.table(s, place);
     std::vector<double> table(static_cast<std::size_t>(reach_ * levels_), 0.0);
-    std::vector<double> sums(static_cast<std::size_t>((near_ + 1) * levels_), 0.0);
+    // Sums over distances are for slices that are alike.
+    const bool summed = kernel.slice_of(s) < 0;
+    std::vector<double> sums(summed ? static_cast<std::size_t>((near_ + 1) * levels_) : 0, 0.0);
+    const double* const last = kernel.last_row(s, place);
+    for (int l = 0; l < levels_; ++l) last_.push_back(std::max(0.0, last[l] - last[0]));
     for (int l = 0; l < levels_; ++l) {
-      double* const sum = &sums[static_cast<std::size_t>(l * (near_ + 1))];
+      double* const sum = summed ? &sums[static_cast<std::size_t>(l * (near_ + 1))] : nullptr;
       for (int j = 0; j < near_; ++j) {
         const double light = std::max(0.0, from[static_cast<std::size_t>(j * levels_ + l)] -
                                                from[static_cast<std::size_t>(j * levels_)]);
         table[static_cast<std::size_t>(l * reach_ + reach_ - 1 - j)] = light;
-        sum[j + 1] = sum[j] + light;
+        if (summed) sum[j + 1] = sum[j] + light;
       }
     }
     tables_.push_back(std::move(table));
@@ -113,6 +117,7 @@ InhibitedPlan::InhibitedPlan(const CureModel& model, bool merge, int target_laye
   }
   find_levels();
   find_lags();
+  if (!kernel->alike()) find_own_layers();
   if (uniform) tabulate_promises();
   sum_dark(model);
   if (model.lifts) find_holding(model);
@@ -170,6 +175,7 @@ void InhibitedPlan::find_levels() {
   while (holding < levels && kernel->steady_dose(strongest, holding) < inside) ++holding;
   reach = 1;
   while (reach < never_reaches && node_light.sum(strongest, cap, reach) < 1.0) ++reach;
+  for (const double um : kernel->heights().um()) reach = std::max(reach, reach_at(um, cap));
 }
 
 InhibitedPlan InhibitedPlan::for_doses(double most) const {
@@ -194,8 +200,8 @@ double InhibitedPlan::climb(int k, int slices) const {
   const int longest = *std::max_element(lags.begin(), lags.end());
   double sum = 0;
   for (int n = k; n < (uniform ? k + slices : std::min(k + slices, all_layers)); ++n) {
-    const int level = n < k + longest ? std::min(steady, cap_of(n)) : cap_of(n);
-    sum += ratio_of(n) * node_light.one(setting_of(n), level, n - k);
+    const int level = n < k + lag_from(k, longest) ? std::min(steady_of(n), cap_of(n)) : cap_of(n);
+    sum += ratio_of(n) * light_of(n, level, n - k);
   }
   return sum;
 }
@@ -249,20 +255,20 @@ std::vector<double> InhibitedPlan::dark_at(const CureModel& model,
   std::vector<double> dose(static_cast<std::size_t>(all_layers), 0.0);
   double far = 0;  // of slices near or more layers away
   for (int k = all_layers; k-- > 0;) {
-    far *= kernel->a();
+    const bool at_node = place == InhibitedKernel::upper_end;
+    const double left = at_node ? node_fade(k) : middle_fade(k);
+    far *= left;
     if (k + near < all_layers) {
       const int n = k + near;
-      far += kernel->a() * model.ratio(n) *
-             kernel->table(kernel->setting_of_slice(n),
-                           place)[static_cast<std::size_t>((near - 1) * levels)];
+      far += left * model.ratio(n) * kernel->last_row(kernel->setting_of_slice(n), place)[0];
     }
-    double sum = far;
+    double sum = far * (at_node ? node_back(k) : middle_back(k));
     for (int j = 0; j < near && k + j < all_layers; ++j) {
       sum += model.ratio(k + j) * kernel->table(kernel->setting_of_slice(k + j),
                                                 place)[static_cast<std::size_t>(j * levels)];
     }
     dose[static_cast<std::size_t>(k)] = sum;
-    if (place == InhibitedKernel::upper_end) dark_far[static_cast<std::size_t>(k)] = far;
+    if (at_node) dark_far[static_cast<std::size_t>(k)] = far;
   }
   return dose;
 }
@@ -274,7 +280,11 @@ void InhibitedPlan::sample_dark(const CureModel& model) {
     float* const out = &dark_fine[static_cast<std::size_t>(k) * samples];
     for (std::size_t i = 0; i < samples; ++i) {
       const double t = static_cast<double>(i + 1) / samples;
-      double sum = dark_far[static_cast<std::size_t>(k)] * std::pow(kernel->a(), t - 1.0);
+      double sum =
+          dark_far[static_cast<std::size_t>(k)] *
+          (sample_fades.empty()
+               ? std::pow(kernel->a(), t - 1.0)
+               : static_cast<double>(sample_fades[static_cast<std::size_t>(k) * samples + i]));
       for (int j = 0; j < near && k + j < all_layers; ++j) {
         sum += model.ratio(k + j) * kernel->fine(kernel->setting_of_slice(
                                         k + j))[static_cast<std::size_t>(j) * samples + i];
@@ -309,7 +319,8 @@ ColumnFacts InhibitedPlan::facts() const {
 }
 
 int InhibitedPlan::slices_for(int target_layers, int last_lit) const {
-  return std::max(target_layers, last_lit + 1 + reach + lags.front() + tuning.spare_slices);
+  return std::max(target_layers,
+                  last_lit + 1 + reach + longest(lags.front()) + tuning.spare_slices);
 }
 
 int inhibited_slices(const CureModel& model, int target_layers, int last_lit) {

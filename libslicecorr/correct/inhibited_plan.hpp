@@ -26,6 +26,10 @@ class ExtraLight {
   double one(int setting, int l, int j) const {
     return j < near_ ? close(setting, l, j) : beyond(setting, l, j);
   }
+  /// What a slice adds to the layer near - 1 above its own, without the light that the platform sends back.
+  double last(int setting, int l) const {
+    return last_[static_cast<std::size_t>(setting * levels_ + l)];
+  }
   /// The same of j < near.
   double close(int setting, int l, int j) const { return upwards(setting, l)[reach_ - 1 - j]; }
   /// What it adds to each of the `reach()` layers up to its own, the farthest first; 0 to those that
@@ -53,8 +57,10 @@ class ExtraLight {
   int near_, levels_, reach_;
   double a_;
   std::vector<std::vector<double>> tables_;  ///< [setting][level][reach_ - 1 - j]
-  std::vector<std::vector<double>> sums_;    ///< [setting][level][j]
-  std::vector<double> powers_;               ///< of a, down to where nothing is left
+  /// [setting][level][j]; none of settings of one slice, whose neighbours have other ones
+  std::vector<std::vector<double>> sums_;
+  std::vector<double> last_;    ///< [setting * levels + level]
+  std::vector<double> powers_;  ///< of a, down to where nothing is left
 };
 
 /// Stands for the highest levels of a column that has none of its own.
@@ -103,6 +109,13 @@ class Promises {
   std::vector<double> sums_, rests_, powers_;
 };
 
+/// What a layer makes of light from slices `near` and more layers away, where layers are not alike: `node` and
+/// `middle` are left of what came to these places of the layer below, `back` times more is what the platform sends
+/// back to them.
+struct LayerFade {
+  double node, middle, node_back, middle_back;
+};
+
 /// Immutable once made; may be shared between threads. Doses are relative: 1 gels the resin.
 struct InhibitedPlan {
   InhibitedPlan(const CureModel& model, bool merge, int target_layers, int all_slices,
@@ -133,6 +146,40 @@ struct InhibitedPlan {
   int cap_of(int slice, const std::vector<Level>& of_column) const {
     const int cap = cap_of(slice);
     return of_column.empty() ? cap : std::min<int>(cap, of_column[static_cast<std::size_t>(slice)]);
+  }
+
+  /// What a level of slice n adds at the node j layers above it, beyond black, at the normal exposure.
+  double light_of(int n, int level, int j) const {
+    const int setting = setting_of(n);
+    return fades.empty() || j < near ? node_light.one(setting, level, j)
+                                     : far_light_of(n, level, j);
+  }
+  /// Of light from slices `near` and more away at the node (in the middle) of the layer below, what comes to that of
+  /// a layer.
+  double node_fade(int layer) const { return fades.empty() ? kernel->a() : fade(layer).node; }
+  double middle_fade(int layer) const { return fades.empty() ? kernel->a() : fade(layer).middle; }
+  double node_back(int layer) const { return fades.empty() ? 1.0 : fade(layer).node_back; }
+  double middle_back(int layer) const { return fades.empty() ? 1.0 : fade(layer).middle_back; }
+  const LayerFade& fade(int layer) const {
+    return fades[static_cast<std::size_t>(std::max(0, layer))];
+  }
+  /// A lag from a node on, in slices as they are.
+  int lag_from(int node, int lag) const {
+    return lags_from.empty() ? lag
+                             : lags_from[static_cast<std::size_t>(lag) *
+                                             static_cast<std::size_t>(all_layers + 1) +
+                                         static_cast<std::size_t>(std::min(node, all_layers))];
+  }
+  /// The most slices of a lag.
+  int longest(int lag) const;
+  /// Dose that a node between these layers of a feature demands.
+  double inside_of(int above, int below) const {
+    return insides.empty() ? inside
+                           : std::max(insides[static_cast<std::size_t>(above)],
+                                      insides[static_cast<std::size_t>(below)]);
+  }
+  int steady_of(int slice) const {
+    return steadies.empty() ? steady : steadies[static_cast<std::size_t>(slice)];
   }
 
   ColumnFacts facts() const;
@@ -169,8 +216,21 @@ struct InhibitedPlan {
   double most_dark = 0;          ///< the greatest of dark_middle
   /// Dose of black slices at InhibitedKernel::kSamples places of each layer; layer by layer only.
   std::vector<float> dark_fine;
+  // Where layers are not alike (`InhibitedKernel::alike`); else empty.
+  std::vector<LayerFade> fades;      ///< per layer
+  std::vector<double> middle_times;  ///< per layer: `middle` times `middle_back`
+  /// Per layer and sample: what far light at the layer's node is there, with what the platform sends back.
+  std::vector<float> sample_fades;
+  std::vector<int> lags_from;   ///< [lag][node]; layers of one height: empty
+  std::vector<double> insides;  ///< `inside` by layers, where their heights differ layer by layer
+  std::vector<int> steadies;    ///< `steady`, likewise
 
  private:
+  double far_light_of(int n, int level, int j) const;
+  void find_own_layers();
+  int reach_at(double height_um, int level) const;
+  int steady_at(double height_um) const;
+  double ripple_at(double height_um) const;
   void find_levels();
   double ripple() const;
   void find_lags();

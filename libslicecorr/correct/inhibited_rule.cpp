@@ -260,7 +260,7 @@ int LevelRule::level_for_nodes(const Asked& by, int level) {
     }
     const double need = wanted + kMargin - doses_.so_far(k, n) - others;
     if (need <= 0) continue;
-    level = level_for_node(n, k, from, by.feature.lag, need, level);
+    level = level_for_node(n, k, from, plan_.lag_from(k, by.feature.lag), need, level);
     if (level >= cap) break;
   }
   return level;
@@ -357,8 +357,7 @@ bool LevelRule::even_light_fits(int n, int first_feature) {
     edge_ = k;
     edge_bears_ = borne_by_edge(feature);
   }
-  const double light =
-      plan_.ratio_of(n) * plan_.node_light.one(plan_.setting_of(n), cap_of(n), n - k);
+  const double light = plan_.ratio_of(n) * plan_.light_of(n, cap_of(n), n - k);
   return doses_.so_far(k, n) + light <= edge_bears_;
 }
 
@@ -406,7 +405,7 @@ double LevelRule::promised(int n, int level, int k, int from) const {
   double sum = 0;
   for (int i = start; i <= n; ++i) {
     sum += doses_.has_floors() ? doses_.extra(i, within(i, level), i - k)
-                               : plan_.ratio_of(i) * light.one(plan_.setting_of(i), level, i - k);
+                               : plan_.ratio_of(i) * plan_.light_of(i, level, i - k);
   }
   return sum;
 }
@@ -437,9 +436,9 @@ inline double LevelRule::can_still_come(int n, int k, int from, int lag) const {
   }
   for (int i = from; i < n; ++i) {
     const int cap = cap_of(i);
-    const int l = i >= k + lag ? cap : std::min(plan_.steady, cap);
+    const int l = i >= k + lag ? cap : std::min(plan_.steady_of(i), cap);
     can += doses_.has_floors() ? doses_.extra(i, within(i, l), i - k)
-                               : plan_.ratio_of(i) * light.one(plan_.setting_of(i), l, i - k);
+                               : plan_.ratio_of(i) * plan_.light_of(i, l, i - k);
   }
   return can;
 }

@@ -46,9 +46,13 @@ class LevelRule {
   void take_over(int last, int end);
   int last_asked() const;
   /// Slices beyond a node of the feature that it asks for light.
-  int reach_of(const Feature& f) const { return plan_.reach + f.lag + plan_.tuning.spare_slices; }
+  int reach_of(const Feature& f) const {
+    return plan_.reach + plan_.longest(f.lag) + plan_.tuning.spare_slices;
+  }
   /// The feature's own light ends here: slices nearer to the platform are black, or light others.
-  static int own_until(const Feature& f) { return f.platform ? 0 : f.upper + f.lag; }
+  int own_until(const Feature& f) const {
+    return f.platform ? 0 : f.upper + plan_.lag_from(f.upper, f.lag);
+  }
   bool stays(int n, int first_feature, int before) const;
   bool asks_now(const Feature& feature, int first, int nearest, int n) const;
   Slice level_of(int n, int first_feature, bool again);

@@ -448,9 +448,9 @@ CureModel make_cure_model(const Printer& printer, const Resin& resin, const Proc
   }
   if (resin.bleaches()) take_bleaching(resin, model);
   for (const double i : intensities) model.level_phi.push_back(model.phi(i));
-  take_heights(process, model);
   take_lifts(printer, resin, process, model);
   if (process.uv.kind == UvKind::off) {
+    take_heights(process, model);
     end_bath(printer, model);
     mirror(printer, model);
   } else {
@@ -468,6 +468,8 @@ CureModel make_cure_model(const Printer& printer, const Resin& resin, const Proc
     for (int level = 0; level < kernel.levels(); ++level) {
       model.level_phi[static_cast<std::size_t>(level)] = kernel.steady_dose(0, level);
     }
+    take_heights(process, model);
+    mirror(printer, model);
     // The kernel ends where the resin does; a depth that is none is refused.
     CureModel checked = model;
     end_bath(printer, checked);

@@ -75,6 +75,12 @@ int slices_near_window(const Kinetics& kinetics, double uv_mw_cm2, double blue_m
              : 2;
 }
 
+/// The least height of a layer, um.
+double thinnest_um(const Process& process, double layer_um) {
+  const std::vector<double>& um = process.layer_heights_um;
+  return um.empty() ? layer_um : *std::min_element(um.begin(), um.end());
+}
+
 /// What there is of usual blue light in a slice, and that over the share of UV light that comes.
 using Shares = std::vector<InhibitedKernel::BlueShare>;
 
@@ -120,6 +126,8 @@ InhibitedKernel::InhibitedKernel(const Kinetics& kinetics, const Kinetics& gel,
   const std::vector<double>& held = brightest_mw_cm2.empty() ? blue_ : brightest_mw_cm2;
   const Shares shares = blue_shares(process);
   const double most_share = most_over_uv(shares);
+  // Of pixels with UV light of their own, which must hold their dead zone where most light comes back, too.
+  const double most_back = 1 + printer.platform_reflectance;
   const double full = held.back() * most_share;
   const LampCheck check{kinetics_, layer_um, blue_, full, printer, process};
   switch (uv.kind) {
@@ -155,7 +163,7 @@ InhibitedKernel::InhibitedKernel(const Kinetics& kinetics, const Kinetics& gel,
         break;
       }
       const LevelTable lamp(uv_level_intensities(printer));
-      check(uv_for_dead_zone(kinetics_, full, uv.dead_zone_um),
+      check(uv_for_dead_zone(kinetics_, full * most_back, uv.dead_zone_um),
             fmt::format("a dead zone of {:g} um under full light", uv.dead_zone_um));
       for (const double of_level : held) {
         // Of pulses each that is not black is full light.
@@ -164,7 +172,8 @@ InhibitedKernel::InhibitedKernel(const Kinetics& kinetics, const Kinetics& gel,
         // The next level up, so that the dead zone is no thinner than asked for: not in the slice with the most
         // blue light over its UV light either.
         uv_levels_.push_back(lamp.at_least(
-            uv_for_dead_zone(kinetics_, blue * most_share, uv.dead_zone_um) * (1 - 1e-12)));
+            uv_for_dead_zone(kinetics_, blue * most_share * most_back, uv.dead_zone_um) *
+            (1 - 1e-12)));
         level_uv_.push_back(lamp.phi(uv_levels_.back()));
       }
       const double whole = level_uv_.back();
@@ -187,7 +196,7 @@ InhibitedKernel::InhibitedKernel(const Kinetics& kinetics, const Kinetics& gel,
     gel_scale_ = layer_um / (speed_um_s * gel_.critical_dose_prime);
   }
   const double strongest = *std::max_element(setting_uv_.begin(), setting_uv_.end());
-  near_ = slices_near_window(kinetics_, strongest, blue_.back(), layer_um);
+  near_ = slices_near_window(kinetics_, strongest, blue_.back(), thinnest_um(process, layer_um));
   profile_ = std::make_shared<const detail::FrontProfile>(kinetics_);
   take_sources(printer.grey == GreyLight::pulsed);
   if (process.even_light) {
@@ -198,6 +207,7 @@ InhibitedKernel::InhibitedKernel(const Kinetics& kinetics, const Kinetics& gel,
     count_flow(*process.even_light, level_intensities(printer).back() * usual_light_share(process));
   }
   end_resin(printer.resin_depth_um);
+  surround(printer, process);
   make_tables();
 }
 
@@ -246,6 +256,7 @@ void InhibitedKernel::make_tables() {
   fine_.resize(static_cast<std::size_t>(settings()));
   fine_made_ = std::make_unique<std::once_flag[]>(fine_.size());
   tables_.resize(static_cast<std::size_t>(settings() * kPlaces));
+  last_rows_.resize(slice_of_setting_.empty() ? 0 : tables_.size());
   for (int s = 0; s < settings(); ++s) tabulate(s);
 }
 
@@ -272,6 +283,15 @@ InhibitedKernel::InhibitedKernel(const InhibitedKernel& of, double first_um, dou
 }
 
 std::shared_ptr<const InhibitedKernel> InhibitedKernel::by_front(double least_blue_mw_cm2) const {
+  if (!alike()) {
+    throw InputError(fmt::format(
+        "light spreads under UV light {}, where each slice has tables of its own, and each of the {} fronts of light "
+        "that spreads a row in each: more than there is room for; expected light that stays in its pixel, {}, or no UV "
+        "light",
+        reflectance_ > 0 ? "below a platform that sends light back"
+                         : "in layers of different heights",
+        kFronts, reflectance_ > 0 ? "a platform that takes it up" : "layers of one height"));
+  }
   if (gap_um_ > 0) {
     throw InputError(
         "light spreads and is made for an even dead zone; expected one of both: the dose of resin "
@@ -339,30 +359,32 @@ void InhibitedKernel::count_flow(const EvenLight& light, double full_mw_cm2) {
   }
 }
 
-double InhibitedKernel::rest(int setting, int level, double d_um) const {
-  if (!ends()) return rest_beyond(setting, level, d_um);
+double InhibitedKernel::rest(int setting, int level, double d_um, const Back& back) const {
+  if (!ends()) return rest_beyond(setting, level, d_um, back);
   if (d_um >= depth_um_) return 0;
-  return rest_beyond(setting, level, d_um) - rest_beyond(setting, level, depth_um_);
+  return rest_beyond(setting, level, d_um, back) - rest_beyond(setting, level, depth_um_, back);
 }
 
-double InhibitedKernel::rate(int setting, int level, double d_um) const {
+double InhibitedKernel::rate(int setting, int level, double d_um, const Back& back) const {
   if (ends() && d_um > depth_um_ * (1 + kSameDepth)) return 0;
+  const double d = d_um + back.nearer_um;
   if (!pulses_.empty()) {
     const Pulses& both = pulses_[static_cast<std::size_t>(setting * levels() + level)];
-    return both.full.amount * profile_->rate(d_um - both.full.front_um) +
-           both.black.amount * profile_->rate(d_um - both.black.front_um);
+    return back.times * (both.full.amount * profile_->rate(d - both.full.front_um) +
+                         both.black.amount * profile_->rate(d - both.black.front_um));
   }
-  return profile_->rate(d_um - source(setting, level).front_um);
+  return back.times * profile_->rate(d - source(setting, level).front_um);
 }
 
-double InhibitedKernel::rest_beyond(int setting, int level, double d_um) const {
+double InhibitedKernel::rest_beyond(int setting, int level, double d_um, const Back& back) const {
+  const double d = d_um + back.nearer_um;
   if (!pulses_.empty()) {
     const Pulses& both = pulses_[static_cast<std::size_t>(setting * levels() + level)];
-    return both.full.amount * profile_->rest(d_um - both.full.front_um) +
-           both.black.amount * profile_->rest(d_um - both.black.front_um);
+    return back.times * (both.full.amount * profile_->rest(d - both.full.front_um) +
+                         both.black.amount * profile_->rest(d - both.black.front_um));
   }
   const double front = source(setting, level).front_um;
-  if (flow_factor_.empty()) return profile_->rest(d_um - front);
+  if (flow_factor_.empty()) return back.times * profile_->rest(d - front);
   const double at_gap = profile_->rest(gap_um_ - front);
   if (d_um >= gap_um_) return profile_->rest(d_um - front);
   return at_gap + flow_factor(setting, level) * (profile_->rest(d_um - front) - at_gap);
@@ -398,6 +420,10 @@ int InhibitedKernel::setting_of_slice(int slice) const {
 }
 
 void InhibitedKernel::tabulate(int setting) {
+  if (slice_of(setting) >= 0) {
+    tabulate_around(setting);
+    return;
+  }
   const auto rows = static_cast<std::size_t>(near_), count = blue_.size();
   double* at[kPlaces];
   for (int place = 0; place < kPlaces; ++place) {
@@ -437,6 +463,15 @@ const float* InhibitedKernel::fine(int setting) const {
   std::call_once(fine_made_[static_cast<std::size_t>(setting)], [&] {
     const auto rows = static_cast<std::size_t>(near_), count = blue_.size();
     table.resize(rows * count * kSamples);
+    if (const int slice = slice_of(setting); slice >= 0) {
+      for (std::size_t at = 0; at < table.size(); ++at) {
+        const auto level = static_cast<int>(at / kSamples / rows);
+        const int layer = slice - static_cast<int>(at / kSamples % rows);
+        const double below = static_cast<double>(at % kSamples + 1) / kSamples;
+        table[at] = static_cast<float>(added_by(setting, slice, level, layer + 1 - below, 1.0));
+      }
+      return;
+    }
     const double step = layer_um_ / kSamples;
     for (std::size_t l = 0; l < count; ++l) {
       const Source& from = source(setting, static_cast<int>(l));
@@ -462,6 +497,9 @@ const float* InhibitedKernel::fine(int setting) const {
 }
 
 double InhibitedKernel::exact(int setting, int level, double x, double share) const {
+  if (const int slice = slice_of(setting); slice >= 0) {
+    return added_by(setting, slice, level, slice + 1 - x, share);
+  }
   const Source& from = source(setting, level);
   const double to = x * layer_um_;
   if (mode_ == ExposureMode::layerwise) {
@@ -474,6 +512,10 @@ double InhibitedKernel::exact(int setting, int level, double x, double share) co
 }
 
 double InhibitedKernel::steady_at(LayerPosition place, int setting, int level) const {
+  if (const int slice = slice_of(setting); slice >= 0) {
+    // Of layers like the slice's, far from the platform.
+    return steady_dose_at(setting, level, {height_um(slice), 1e9, 0.25 * static_cast<int>(place)});
+  }
   const double* upper = table(setting, place);
   const auto count = blue_.size();
   double sum = 0;
@@ -488,13 +530,15 @@ double InhibitedKernel::steady_at(LayerPosition place, int setting, int level) c
 double InhibitedKernel::setting_dead_zone_um(int setting, int level) const {
   if (fronts_per_um_ > 0) return std::max(0.0, source(setting, level).front_um);
   if (gap_um_ > 0 && level >= least_even_level_) return gap_um_;
-  return steady_dead_zone_um(kinetics_, brightest_of(level), uv_of(setting, level));
+  const double blue = brightest_of(level), uv = uv_of(setting, level);
+  return steady_dead_zone_um(kinetics_, front_blue(slice_of(setting), blue, uv), uv);
 }
 
 bool InhibitedKernel::level_keeps_dead_zone(int setting, int level) const {
   if (gap_um_ > 0) return true;
   if (fronts_per_um_ > 0) return source(setting, level).front_um > 0;
-  return keeps_dead_zone(kinetics_, brightest_of(level), uv_of(setting, level));
+  return keeps_dead_zone(kinetics_, window_blue(setting, brightest_of(level)),
+                         uv_of(setting, level));
 }
 
 double InhibitedKernel::first_gel_um(int slice, int level) const {
@@ -504,13 +548,14 @@ double InhibitedKernel::first_gel_um(int slice, int level) const {
                          (1.0 / kinetics_.huv_um - 1.0 / kinetics_.hb_um);
     return std::max(0.0, source(0, level).front_um + above);
   }
-  return first_gel(kinetics_, brightest_of(level), uv_mw_cm2(slice, level)).z_um;
+  const double uv = uv_mw_cm2(slice, level), blue = brightest_of(level);
+  return first_gel(kinetics_, front_blue(slice_of(setting_of_slice(slice)), blue, uv), uv).z_um;
 }
 
 double InhibitedKernel::setting_window_dose(int setting, int level) const {
   if (fronts_per_um_ > 0) return gel_scale_ * profile_->rate(-source(setting, level).front_um);
   const auto window_dose = [&](double blue) {
-    const double net = blue - kinetics_.beta * uv_of(setting, level);
+    const double net = window_blue(setting, blue) - kinetics_.beta * uv_of(setting, level);
     return net > 0 ? gel_scale_ * std::pow(net, gel_.m) : 0.0;
   };
   const double light = blue_[static_cast<std::size_t>(level)];
@@ -525,8 +570,8 @@ int InhibitedKernel::highest_usable_level(int setting) const {
   for (; level > 0; --level) {
     const double blue = brightest_of(level), uv = uv_of(setting, level);
     // A pattern is made for just its dead zone: rounding must not make it fail.
-    if (keeps_dead_zone(kinetics_, blue, uv) &&
-        steady_dead_zone_um(kinetics_, blue, uv) >= wanted_um_ * (1 - 1e-9)) {
+    if (keeps_dead_zone(kinetics_, window_blue(setting, blue), uv) &&
+        setting_dead_zone_um(setting, level) >= wanted_um_ * (1 - 1e-9)) {
       break;
     }
   }

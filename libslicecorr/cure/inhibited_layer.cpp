@@ -77,9 +77,17 @@ InhibitedLayer::InhibitedLayer(const InhibitedKernel& kernel, bool places)
   for (int i = 0; i < kSamples; ++i) fade_[i] = std::exp(-fall_ * (i + 1) / kSamples);
 }
 
-void InhibitedLayer::begin(double far) {
+void InhibitedLayer::begin(double far, int layer) {
   far_ = far;
   lights_.clear();
+  if (kernel_.alike()) return;
+  layer_ = layer;
+  const double um = kernel_.height_um(layer);
+  fall_ = -std::log(kernel_.fade(um));
+  for (int i = 0; i < kSamples; ++i) {
+    const double t = static_cast<double>(i + 1) / kSamples;
+    fade_[i] = std::exp(-fall_ * t) * kernel_.returned(kernel_.place_um(layer_ + 1 - t));
+  }
 }
 
 void InhibitedLayer::add(int first, int last, int setting, int level, double weight) {
@@ -95,7 +103,29 @@ void InhibitedLayer::add(int first, int last, int setting, int level, double wei
   lights_.push_back({first, last, setting, level, weight});
 }
 
+/// `at` where layers are not alike.
+double InhibitedLayer::at_own_place(double t) const {
+  const double place_um = kernel_.place_um(layer_ + 1 - t);
+  const InhibitedKernel::Back back = kernel_.back(place_um);
+  double dose = far_ * std::exp(-fall_ * t) * kernel_.returned(place_um);
+  const auto away = [&](int n) { return std::max(0.0, kernel_.place_um(n) - place_um); };
+  for (const Light& light : lights_) {
+    double sum = 0;
+    if (kernel_.layer_by_layer()) {
+      for (int j = light.first; j <= light.last; ++j) {
+        sum += kernel_.rate(light.setting, light.level, away(layer_ + j + 1), back);
+      }
+    } else {
+      sum = kernel_.rest(light.setting, light.level, away(layer_ + light.first), back) -
+            kernel_.rest(light.setting, light.level, away(layer_ + light.last + 1), back);
+    }
+    dose += light.weight * kernel_.source(light.setting, light.level).amount * sum;
+  }
+  return dose;
+}
+
 double InhibitedLayer::at(double t) const {
+  if (!kernel_.alike()) return at_own_place(t);
   const double layer_um = kernel_.layer_um();
   double dose = far_ * std::exp(-fall_ * t);
   for (const Light& light : lights_) {
@@ -197,9 +227,27 @@ void InhibitedLayer::sharpen(double known) {
 
 /// The place of a light's front in this layer; below 0 if it has none there.
 double InhibitedLayer::front(const Light& light) const {
+  if (!kernel_.alike()) return front_between(light);
   const double x = kernel_.source(light.setting, light.level).front_um / kernel_.layer_um();
   return x <= light.first || x >= light.last + 1 ? -1.0
                                                  : x - static_cast<double>(static_cast<int>(x));
+}
+
+/// `front` where layers are not alike: of the slices of a light one at most has its front in this layer, as they
+/// stand no nearer to each other than the layer is high.
+double InhibitedLayer::front_between(const Light& light) const {
+  const double front_um = kernel_.source(light.setting, light.level).front_um;
+  for (int j = light.first; j <= light.last; ++j) {
+    const double window_um = kernel_.place_um(layer_ + j + 1);
+    // Whether the front of the slice lies beyond a place, towards the platform.
+    const auto beyond = [&](double t) {
+      const double place_um = kernel_.place_um(layer_ + 1 - t);
+      return window_um - place_um + kernel_.back(place_um).nearer_um < front_um;
+    };
+    if (!beyond(0) || beyond(1)) continue;
+    return halved({0.0, 1.0}, 50, beyond).middle();
+  }
+  return -1;
 }
 
 /// Marks the cells between samples in which something may happen: the dose passes 1, or is less
@@ -280,12 +328,13 @@ void InhibitedLayer::take_points() {
   }
 }
 
-bool InhibitedLayer::steady_above(int setting, int level, double weight, double far, double known) {
+bool InhibitedLayer::steady_above(const Same& light, double far, double known) {
+  const auto [layer, setting, level, weight] = light;
   std::vector<Steady>& of_level = steady_[static_cast<std::size_t>(setting)];
   if (of_level.empty()) of_level.resize(static_cast<std::size_t>(kernel_.levels()));
   Steady& steady = of_level[static_cast<std::size_t>(level)];
   if (steady.points.empty()) {
-    begin(0);
+    begin(0, layer);
     add(0, kernel_.near() - 1, setting, level, 1.0);
     sample(at(0), at(0.5), at(1));
     std::fill_n(marked_, kSamples, true);
@@ -300,12 +349,15 @@ bool InhibitedLayer::steady_above(int setting, int level, double weight, double 
     }
     steady.slack = bend + kSampleError * dose_[kSamples];
     for (const Point& p : points_) steady.points.push_back({p.dose, std::exp(-fall_ * p.t)});
+    steady.fall = fall_;
   }
   double low = std::numeric_limits<double>::infinity();
-  for (const auto& [light, fade] : steady.points) low = std::min(low, weight * light + far * fade);
+  for (const auto& [shines, fade] : steady.points)
+    low = std::min(low, weight * shines + far * fade);
   // Far light fades exponentially: between points it is off a line by the square of its fall in a
   // cell.
-  const double slack = weight * steady.slack + far * fall_ * fall_ / (kSamples * kSamples);
+  const double slack =
+      weight * steady.slack + far * steady.fall * steady.fall / (kSamples * kSamples);
   return low - slack >= std::max(1.0, known);
 }
 

@@ -38,8 +38,9 @@ class InhibitedLayer {
   /// `places`: where the dose crosses 1 is asked for, not only how often.
   explicit InhibitedLayer(const InhibitedKernel& kernel, bool places = true);
 
-  /// Begins a layer; `far`: dose at its lower end from slices `near()` and more layers away.
-  void begin(double far);
+  /// Begins a layer; `far`: dose at its lower end from slices `near()` and more layers away, without the light that
+  /// the platform sends back. `layer`: which one, for kernels whose layers are not alike.
+  void begin(double far, int layer = 0);
   /// Adds `weight` times the light of a slice of a level whose layer lies `j` layers further down;
   /// j must not fall from call to call.
   void add(int j, int setting, int level, double weight) { add(j, j, setting, level, weight); }
@@ -52,7 +53,11 @@ class InhibitedLayer {
   void find(double known, InsideLayer& out);
   /// Whether the dose is at least 1 and `known` all through a layer whose nearest slices all show
   /// one level, with `far` as in `begin`. Begins a layer of its own.
-  bool steady_above(int setting, int level, double weight, double far, double known);
+  struct Same {
+    int layer, setting, level;
+    double weight;
+  };
+  bool steady_above(const Same& light, double far, double known);
   /// The dose at a place, from the integral itself.
   double at(double t) const;
 
@@ -74,19 +79,23 @@ class InhibitedLayer {
     };
     std::vector<At> points;
     double slack = 0;  ///< by how much less the light may be between the points
+    double fall = 0;   ///< `fall_` of the layers of the setting
   };
   static int cell(double t) { return std::min(static_cast<int>(t * kSamples), kSamples - 1); }
   double front(const Light& light) const;
+  double front_between(const Light& light) const;
+  double at_own_place(double t) const;
   bool mark_cells(double known);
   void take_points();
   double turn(double from, double to, bool least) const;
   double crossing(double low, double high, bool rises) const;
 
   const InhibitedKernel& kernel_;
-  const double fall_;       ///< of the logarithm of light in a slice
+  double fall_;             ///< of the logarithm of light in the layer
   const double precision_;  ///< of crossings, in slices
   const bool places_;
   double far_ = 0;
+  int layer_ = 0;  ///< at hand
   std::vector<Light> lights_;
   double dose_[kSamples + 1] = {};
   bool marked_[kSamples] = {};

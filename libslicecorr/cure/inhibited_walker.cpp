@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <map>
 
 #include "base/kernels.hpp"
 #include "cure/inhibited_layer.hpp"
@@ -59,7 +60,7 @@ class InhibitedWalker final : public DoseWalker {
         columns_(columns),
         blocks_((columns + kBlock - 1) / kBlock),
         slots_(near_),
-        root_a_(std::sqrt(kernel_.a())),
+        fades_{{kernel_.a(), kernel_.a(), kernel_.a()}, std::sqrt(kernel_.a())},
         same_(columns, 0),
         settled_(blocks_, std::uint8_t{0}),
         single_(near_),
@@ -82,19 +83,22 @@ class InhibitedWalker final : public DoseWalker {
   }
 
   void add_slice(int slice, std::span<const ImageShowing> showings) override {
-    for (const ImageShowing& showing : showings) prepare(showing.setting);
+    for (const ImageShowing& showing : showings) prepare(setting_of(showing, slice));
     // The slot that comes free holds the slice that leaves the tables' reach.
     const Slot& before = slots_[newest_];
     newest_ = newest_ == 0 ? near_ - 1 : newest_ - 1;
     Slot& slot = slots_[newest_];
+    go_to(slice);
     fade(slot);
+    if (!kernel_.alike()) forget(slot, kernel_.setting_of_slice(slice));
     slot.count = std::max<std::size_t>(1, showings.size());
     if (slot.shown.size() < slot.count) slot.shown.resize(slot.count);
     const double ratio = model_.ratio(slice);
+    slice_ = slice;
     for (std::size_t k = 0; k < showings.size(); ++k) {
       const ImageShowing& showing = showings[k];
       Shown& shown = slot.shown[k];
-      shown.setting = showing.setting;
+      shown.setting = setting_of(showing, slice);
       shown.weight = showing.light * ratio;
       shown.levels.resize(columns_);
       if (showing.fronts) {
@@ -134,27 +138,28 @@ class InhibitedWalker final : public DoseWalker {
     single_ = slot.count == 1 ? single_ + 1 : 0;
     const bool continuous = model_.mode == ExposureMode::continuous;
     if (continuous) lower.swap(upper);
+    send_back(continuous);
     if (single_ >= near_) {
       gather_single(continuous);
       return;
     }
-    if (!continuous) gather(InhibitedKernel::lower_end, tail_[0].data(), lower.data());
-    gather(InhibitedKernel::middle, tail_[1].data(), middle.data());
-    gather(InhibitedKernel::upper_end, tail_[2].data(), upper.data());
+    if (!continuous) gather(InhibitedKernel::lower_end, tail_at(0), lower.data());
+    gather(InhibitedKernel::middle, tail_at(1), middle.data());
+    gather(InhibitedKernel::upper_end, tail_at(2), upper.data());
   }
 
   void inside(std::size_t i, double known, InsideLayer& out) const override {
-    const double far = tail_[1][i] / root_a_;
+    const double far = tail_[1][i] / fades_.half;
     const Slot& newest = slots_[newest_];
     if (same_[i] >= near_ && newest.shown[0].levels[i] != off() && lower[i] >= 1.0) {
       const Shown& now = newest.shown[0];
-      if (layer_.steady_above(now.setting, now.levels[i], now.of(i), far, known)) {
+      if (layer_.steady_above({slice_, now.setting, now.levels[i], now.of(i)}, far, known)) {
         out.crossings.clear();
         out.least = std::min({lower[i], middle[i], upper[i]});
         return;
       }
     }
-    layer_.begin(far);
+    layer_.begin(far, slice_);
     std::size_t j = 0;
     if (newest.count == 1) {
       const Shown& now = newest.shown[0];
@@ -220,6 +225,10 @@ class InhibitedWalker final : public DoseWalker {
                                     {1, InhibitedKernel::middle},
                                     {2, InhibitedKernel::upper_end}};
 
+  /// Where layers are not alike a setting belongs to its slice: showings may have that of another model.
+  int setting_of(const ImageShowing& showing, int slice) const {
+    return kernel_.alike() ? showing.setting : kernel_.setting_of_slice(slice);
+  }
   std::uint16_t off() const { return static_cast<std::uint16_t>(kernel_.levels()); }
   /// An odd number of cache lines, so that the entries of one level lie in different sets.
   static std::size_t stride_of(std::size_t entries) { return ((entries + 7) / 8 | 1) * 8; }
@@ -272,15 +281,69 @@ class InhibitedWalker final : public DoseWalker {
       }
     }
   }
+  /// What a slice adds to the farthest layer of its table, the light that the platform sends back aside.
+  const double* last_row(int setting, InhibitedKernel::LayerPosition place) {
+    if (kernel_.alike()) return table(setting, place) + (near_ - 1) * stride_;
+    std::vector<double>& row = last_rows_[index(setting, place)];
+    if (row.empty()) {
+      const double* const from = kernel_.last_row(setting, place);
+      row.assign(from, from + off());
+      row.push_back(0);
+    }
+    return row.data();
+  }
+  /// Drops the tables of a slice that leaves their reach where no other slice needs them, nor the next one.
+  void forget(const Slot& leaves, int next) {
+    const int setting = leaves.shown[0].setting;
+    const auto needs = [&](const Slot& slot) {
+      return &slot != &leaves && slot.shown[0].setting == setting;
+    };
+    if (setting == next || std::any_of(slots_.begin(), slots_.end(), needs)) return;
+    for (const Kept& kept : kKept) {
+      const std::size_t at = index(setting, kept.place);
+      table_[at] = {};
+      sums_[at] = {};
+      last_rows_.erase(at);
+    }
+  }
   std::size_t index(int setting, int place) const {
     return static_cast<std::size_t>(setting * InhibitedKernel::kPlaces + place);
   }
   const double* table(int setting, int place) const { return table_[index(setting, place)].data(); }
 
+  /// What of far light is left at a place of this layer of what it was at that of the layer below.
+  struct Fades {
+    double at[3];  ///< by Kept::index
+    double half;   ///< from the layer's lower end to its middle
+  };
+  /// Goes on to the layer of a slice.
+  void go_to(int slice) {
+    if (kernel_.alike()) return;
+    const double um = kernel_.height_um(slice), below_um = kernel_.height_um(slice + 1);
+    fades_ = {{kernel_.fade(below_um), kernel_.fade(0.5 * (um + below_um)), kernel_.fade(um)},
+              kernel_.fade(0.5 * um)};
+  }
+  /// Far light with what the platform sends back of it.
+  void send_back(bool continuous) {
+    back_ = !kernel_.alike() && kernel_.returned(kernel_.place_um(slice_)) != 1;
+    if (!back_) return;
+    for (const Kept& kept : kKept) {
+      if (kept.index == 0 && continuous) continue;
+      const double times =
+          kernel_.returned(kernel_.place_um(slice_ + 1 - 0.25 * static_cast<int>(kept.place)));
+      std::vector<double>& out = sent_back_[kept.index];
+      out.resize(columns_);
+      for (std::size_t i = 0; i < columns_; ++i) out[i] = times * tail_[kept.index][i];
+    }
+  }
+  const double* tail_at(int index) const {
+    return back_ ? sent_back_[index].data() : tail_[index].data();
+  }
+
   /// The slice in `slot` is recursed from now on.
   void fade(Slot& slot) {
-    const double a = kernel_.a();
     for (const Kept& kept : kKept) {
+      const double a = fades_.at[kept.index];
       // Only layer by layer the light at a layer's lower end is not that of the layer before.
       if (kept.index == 0 && model_.mode == ExposureMode::continuous) continue;
       if (slot.is_plain()) {
@@ -292,7 +355,7 @@ class InhibitedWalker final : public DoseWalker {
         const Shown& shown = slot.shown[k];
         // Of light that was off in all slices so far there is no table yet.
         if (shown.weight == 0) continue;
-        const double* const last = table(shown.setting, kept.place) + (near_ - 1) * stride_;
+        const double* const last = last_row(shown.setting, kept.place);
         for (std::size_t i = 0; i < columns_; ++i) {
           // The row of light that is off is 0.
           tail[i] += shown.of(i) * last[shown.levels[i]];
@@ -303,12 +366,11 @@ class InhibitedWalker final : public DoseWalker {
   }
 
   void fade_plain(const Slot& slot, const Kept& kept) {
-    const double a = kernel_.a();
+    const double a = fades_.at[kept.index];
     const Shown& shown = slot.shown[0];
     // Of light that was off in all slices so far there is no table yet.
     const bool dark = shown.weight == 0;
-    const double* const last =
-        dark ? nullptr : table(shown.setting, kept.place) + (near_ - 1) * stride_;
+    const double* const last = dark ? nullptr : last_row(shown.setting, kept.place);
     for (std::size_t b = 0; b < blocks_; ++b) {
       const std::size_t first = b * kBlock, n = block_size(b);
       double* const tail = &tail_[kept.index][first];
@@ -329,7 +391,7 @@ class InhibitedWalker final : public DoseWalker {
       if (kept.index == 0 && continuous) continue;
       const bool dark = now.weight == 0 && table_[index(now.setting, kept.place)].empty();
       places[count++] = {dark ? nullptr : sums_[index(now.setting, kept.place)].data(), kept.place,
-                         tail_[kept.index].data(),
+                         tail_at(kept.index),
                          (kept.index == 0   ? lower
                           : kept.index == 1 ? middle
                                             : upper)
@@ -432,7 +494,10 @@ class InhibitedWalker final : public DoseWalker {
   std::vector<Slot> slots_;  ///< the last `near_` slices
   std::size_t newest_ = 0;
   bool any_ = false;
-  double root_a_;
+  int slice_ = 0;      ///< that was added last
+  Fades fades_;        ///< of its layer
+  bool back_ = false;  ///< the platform sends light back to its layer
+  std::vector<double> sent_back_[3];
   std::vector<std::uint16_t> same_;    ///< slices for which a column has shown its level
   std::vector<std::uint8_t> settled_;  ///< whether all columns of a block have done so for `near_`
   std::vector<NearLight> near_light_;
@@ -440,6 +505,8 @@ class InhibitedWalker final : public DoseWalker {
   std::vector<double> tail_[3];
   mutable InhibitedLayer layer_;
   std::vector<std::vector<double>> table_, sums_;
+  /// Of settings with layers of their own: their last rows, with one more level for light off.
+  std::map<std::size_t, std::vector<double>> last_rows_;
   std::uint16_t level_of_[256];
 };
 

@@ -67,9 +67,20 @@ Doses doses_of(const CureModel& model) {
     const auto share = [&](int setting) {
       return std::pow(std::min(1.0, kernel.blue_share(setting)), kernel.kinetics().m);
     };
-    return {kernel.steady_dose(s, kernel.highest_usable_level(s)) *
-                (moving ? model.least_ratio() : share(s)),
-            kernel.steady_dose(0, 0) * (moving ? model.greatest_ratio() : 1.0)};
+    const int cap = kernel.highest_usable_level(s);
+    double lit = kernel.steady_dose(s, cap), black = kernel.steady_dose(0, 0);
+    if (!kernel.alike()) {
+      // The highest layers get least of full light, the lowest most of black, and most comes back at the platform.
+      std::vector<double> um = kernel.heights().um();
+      if (um.empty()) um.push_back(model.layer_um);
+      constexpr double far_um = 1e9;
+      for (const double height : um) {
+        lit = std::min(lit, kernel.steady_dose_at(s, cap, {height, far_um}));
+        black = std::max(black, kernel.steady_dose_at(0, 0, {height, 0}));
+      }
+    }
+    return {lit * (moving ? model.least_ratio() : share(s)),
+            black * (moving ? model.greatest_ratio() : 1.0)};
   }
   if (model.gel_time() && model.mode == ExposureMode::layerwise) {
     const GelTimeKernel& kernel = *model.gel_time();
@@ -167,8 +178,18 @@ detail::Verdict inhibited_verdict(const CureModel& model, const Printer& printer
         process.uv.dead_zone_um > 0 ? "the dead zone asked for" : "a dead zone",
         blue[static_cast<std::size_t>(cap)] * share);
   } else if (model.lifts) {
-    const int cap = kernel.highest_usable_level(s), weakest = weakest_layer(model);
-    const double joint = kernel.exact(s, cap, 1.0) * model.ratio(weakest);
+    const int cap = kernel.highest_usable_level(s);
+    const auto joint_of = [&](int layer) {
+      if (kernel.alike()) return kernel.exact(s, cap, 1.0) * model.ratio(layer);
+      const int of_layer =
+          std::min(cap, kernel.highest_usable_level(kernel.setting_of_slice(layer)));
+      return kernel.added(layer, of_layer, layer) * model.ratio(layer);
+    };
+    int weakest = weakest_layer(model);
+    for (int n = 0; n < static_cast<int>(model.own_a.size()); ++n) {
+      if (joint_of(n) < joint_of(weakest)) weakest = n;
+    }
+    const double joint = joint_of(weakest);
     if (joint < model.lifts->green_strength) {
       v.weak = fmt::format(
           "a layer does not hold when the platform lifts: {} the brightest light that leaves a dead zone "

@@ -98,6 +98,12 @@ void ShownSlices::take(const Recording& recording, const Resin& resin, double la
   const bool stray =
       process_.uv.kind == UvKind::off && lit_under_uv(recording) && resin.inhibition && printer_.uv;
   const bool uv = process_.uv.kind != UvKind::off || stray;
+  if (uv && (!process_.layer_heights_um.empty() || printer_.platform_reflectance > 0)) {
+    throw InputError(
+        "a recording under UV light can't be predicted in layers of different heights, or below a platform that sends "
+        "light back: each of its images would need tables of its own in each slice; "
+        "expected the corrected stack, layers of one height and a platform that takes light up, or no UV light");
+  }
   if (uv) other_uv_light_ = light_under_other_uv(recording);
   if (other_uv_light_ > kMostOtherUv) {
     throw InputError(fmt::format(

@@ -39,7 +39,7 @@ PaceRange gelling(const Setup& setup, double layer_um) {
     const InhibitedKernel& kernel = *model.inhibited();
     const int s = kernel.strongest_setting();
     lit = kernel.steady_dose(s, kernel.highest_usable_level(s));
-    black = kernel.steady_dose(0, 0);
+    black = kernel.alike() ? kernel.steady_dose(0, 0) : kernel.steady_dose_at(0, 0, {layer_um, 0});
   } else if (!continuous) {
     const double far = model.lifts ? model.lifts->green_strength : 1.0;
     if (const GelTimeKernel* const kernel = model.gel_time()) {

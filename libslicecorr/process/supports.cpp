@@ -65,16 +65,16 @@ constexpr const char* kGelTimeUv =
 constexpr const char* kBleachingUv =
     "{resin}: bleaching: is not counted under UV light, since what UV light bleaches, and how much further it "
     "then inhibits, a resin file does not say; expected no UV light, or a resin without [bleaching]";
-constexpr const char* kMirrorUv =
-    "{printer}: vat.platform_reflectance: is not counted under UV light: blue light comes back from the platform "
-    "where UV light is used up, so that the front lies elsewhere at each height; expected a printer without "
-    "it, or no UV light";
+constexpr const char* kEvenMirror =
+    "{printer}: vat.platform_reflectance: is not counted beside an even dead zone: what comes back from the platform "
+    "moves the front slice by slice, and the flow under it is found for light from the window alone; expected a "
+    "printer without it, or even_dead_zone off";
 constexpr const char* kStayUv =
     "slices that get more light where they go slower are not computed beside an even dead zone, whose "
     "light is made for one speed; expected lamps that follow the speed, or even_dead_zone off";
-constexpr const char* kHeightsUv =
-    "layers of different heights are not counted under UV light; expected layers of one height, or no "
-    "UV light";
+constexpr const char* kEvenHeights =
+    "layers of different heights are not counted beside an even dead zone, whose light is found for slices of one "
+    "height; expected layers of one height, or even_dead_zone off";
 constexpr const char* kEdgesInHeights =
     "edges lie at slices: the mesh's own heights are not counted in layers of different heights";
 constexpr const char* kSureUv =
@@ -83,8 +83,9 @@ constexpr const char* kSureUv =
 constexpr const char* kCapUv =
     "the dose inside features is not capped: under UV light they get the least that gels them";
 constexpr const char* kExchangeUv =
-    "the share of resin that lifts exchange is not counted under UV light: each layer is made "
-    "to hold by its own exposure, whatever the share";
+    "the share of resin that lifts exchange is not counted under UV light, where what slices give is summed by their "
+    "distance: of what stays liquid a lift would take a share of all that came before it, so that the order of slices "
+    "counts; each layer is made to hold by its own exposure, whatever the share";
 constexpr const char* kRobustUv =
     "a correction can't be robust beside an even dead zone: inputs that are off move the front, and with it the "
     "flow that brings its dose; expected even_dead_zone off";
@@ -122,13 +123,10 @@ constexpr Unsupported kTable[] = {
      "{printer}: vat.platform_reflectance: is not counted for a resin that bleaches: light that comes back "
      "passes what it has bleached on its way, and bleaches it once more; expected a printer without it, or a "
      "resin without [bleaching]"},
-    UNDER_UV(reflectance, refused, kMirrorUv),
     {lamps_stay, even_dead_zone, refused, kStayUv},
     {lamps_stay, layerwise, refused,
      "more light for slower slices is for continuous exposure: layer by layer the stage stands still; "
      "expected continuous exposure"},
-    UNDER_UV(own_heights, refused, kHeightsUv),
-    UNDER_UV(moved_heights, refused, kHeightsUv),
     IN_HEIGHTS(
         vat_depth, refused,
         "layers of different heights are not counted in resin that ends above the window: its end "
@@ -148,6 +146,8 @@ constexpr Unsupported kTable[] = {
     {robust, even_dead_zone, refused, kRobustUv},
     {even_dead_zone, layerwise, refused,
      "an even dead zone is for continuous exposure: layer by layer resin comes to rest"},
+    {reflectance, even_dead_zone, refused, kEvenMirror},
+    {moved_heights, even_dead_zone, refused, kEvenHeights},
     {even_dead_zone, spread, refused,
      "an even dead zone is not found where light spreads; expected light that stays in its pixel"},
     // What is left out.

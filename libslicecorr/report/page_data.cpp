@@ -213,8 +213,9 @@ std::string page_data(const ReducedVolume& volume, const CureModel& model, const
                                   [](const auto& column) { return column.light != 1; });
   // Uneven light has kernels of its own in each place, light that spreads in each column.
   if (model.inhibited()) {
-    j["kernel"] =
-        uneven || v.under_uv ? nlohmann::ordered_json() : kernel_json(*model.inhibited(), v.layers);
+    j["kernel"] = uneven || v.under_uv || !model.inhibited()->alike()
+                      ? nlohmann::ordered_json()
+                      : kernel_json(*model.inhibited(), v.layers);
   }
   // Doses that are no sums over slices are not for the page's own arithmetic.
   const bool exchanged = model.lifts && model.lifts->exchange.value_or(0) > 0;

@@ -53,9 +53,8 @@ double added_dose(const CureModel& model, const PrintClock::Moment& moment, int 
   const double f = moment.share;
   if (f <= 0) return 0;
   if (model.inhibited()) {
-    const InhibitedKernel& kernel = *model.inhibited();
     return model.ratio(moment.slice) *
-           kernel.exact(kernel.setting_of_slice(moment.slice), level, x, f);
+           model.inhibited()->added(moment.slice, level, moment.slice + 1 - x, f);
   }
   return added_dose_of_light(model, moment, model.level_phi[static_cast<std::size_t>(level)], x);
 }
@@ -64,7 +63,7 @@ double added_dose(const CureModel& model, const PrintClock::Moment& moment, cons
                   double x) {
   if (moment.share <= 0 || light.amount == 0) return 0;
   return model.ratio(moment.slice) * static_cast<double>(light.amount) *
-         model.inhibited()->exact(0, light.front, x, moment.share);
+         model.inhibited()->added(moment.slice, light.front, moment.slice + 1 - x, moment.share);
 }
 
 double added_dose_of_light(const CureModel& model, const PrintClock::Moment& moment, double phi,

@@ -293,7 +293,26 @@ class SampledColumn final : public Column {
     return values;
   }
 
+  /// `add` where layers are not alike: place by place.
+  void add_to_own(const Moment& now, std::vector<double>& dose) const {
+    const KernelLight& light = lights_[static_cast<std::size_t>(now.slice)];
+    const double ratio = model_.ratio(now.slice) * light.amount;
+    for (int k = now.slice; k >= 0; --k) {
+      const double um = kernel_.place_um(now.slice) - kernel_.place_um(k);
+      if (kernel_.fade(um) < 1e-18) break;
+      double* const out = &dose[static_cast<std::size_t>(k) * kStride];
+      for (std::size_t s = 0; s < kStride; ++s) {
+        const double zeta = k + 1.0 - static_cast<double>(s) / kSamplesPerLayer;
+        out[s] += ratio * kernel_.added(now.slice, light.level, zeta, now.share);
+      }
+    }
+  }
+
   void add(const Moment& now, std::vector<double>& dose) {
+    if (!kernel_.alike()) {
+      add_to_own(now, dose);
+      return;
+    }
     const KernelLight& light = lights_[static_cast<std::size_t>(now.slice)];
     const std::vector<double>& values =
         added(kernel_.setting_of_slice(now.slice), light.level, now.share);

@@ -28,6 +28,16 @@
 /// Grey by pulses is full light for a part of the time and black light for the rest, each with the UV light that
 /// stays on: what a slice of a level adds is what both add, in these parts. Black pixels are black all the time.
 ///
+/// Where layers differ in height (`Process::layer_heights_um`) distances are those of the places: slice n stands
+/// between nodes n and n + 1. A platform that sends back the share rho of the blue light that reaches it
+/// (`Printer::platform_reflectance`) makes of blue light, at z above the platform and under any slice,
+///
+///     Ib (1 + rho e^(-2z/hb)) e^(-d/hb)
+///
+/// while UV light is used up on its way. That moves the front by ln(1 + rho e^(-2z/hb)) / (1/huv - 1/hb) towards the
+/// window. In both cases what a slice adds j layers above itself depends on which slice it is: each with neighbours
+/// of its own has a setting of its own (`alike`).
+///
 /// Where light makes the dead zone even although resin flows (`Process::even_light`, continuous), the
 /// part of these values nearer than the gap h counts Omega_f / Omega_still times: that resin was
 /// elsewhere meanwhile. Omega_still = 1/(s D'c) * integral from 0 to h; Omega_f, the dose of resin
@@ -43,6 +53,7 @@
 #include <vector>
 
 #include "slicecorr/kinetics.hpp"
+#include "slicecorr/layer_heights.hpp"
 #include "slicecorr/process.hpp"
 
 namespace slicecorr {
@@ -119,6 +130,37 @@ class InhibitedKernel {
   double table_bytes() const {
     return (8.0 * kPlaces + 4.0 * kSamples) * near() * levels() * settings();
   }
+  /// Whether layers are of one height, below a platform that takes up all light. Else slices have settings by what
+  /// lies above them, `table` has the places `lower_end`, `middle` and `upper_end` of these alone, and doses from
+  /// slices `near()` and more away go on from layer to layer as `fade` says, times `returned`.
+  bool alike() const { return heights_.alike() && reflectance_ == 0; }
+  /// Where a place is, um from the platform; `zeta` counts layers as they are.
+  double place_um(double zeta) const { return heights_.place_um(zeta, layer_um_); }
+  double height_um(int layer) const { return heights_.of(layer, layer_um_); }
+  /// Of layers, where they differ.
+  const LayerHeights& heights() const { return heights_; }
+  /// What is left of a dose, without UV light, so much further from the window.
+  double fade(double um) const;
+  /// By how much light from the platform multiplies a dose without UV light.
+  double returned(double place_um) const;
+  /// What a slice of a level adds to the layer near() - 1 further up, without the light that the platform sends back:
+  /// [level].
+  const double* last_row(int setting, LayerPosition place) const;
+  /// What blue light over the window counts for at the front of a dead zone so wide, for slice n: what comes back
+  /// from the platform with it.
+  double blue_at_front(int slice, double front_um) const;
+  /// `steady_dose` where all layers are so high, so far from the platform, at this part of a layer from its lower end.
+  struct Place {
+    double height_um, place_um, part = 1;
+  };
+  double steady_dose_at(int setting, int level, const Place& place) const;
+  /// The slice that a setting of its own belongs to, or one of those that have the same layers above them; -1: slices
+  /// of a setting are alike.
+  int slice_of(int setting) const {
+    return slice_of_setting_.empty() ? -1 : slice_of_setting_[static_cast<std::size_t>(setting)];
+  }
+  /// `exact` of slice n of a level, at a place that counts layers as they are (`place_um`).
+  double added(int slice, int level, double zeta, double share = 1.0) const;
   /// A slice j >= near() layers away adds a() times what it adds one layer nearer.
   double a() const { return a_; }
   /// The same at any distance x > 0 slices, from the integral itself. `share`: what of the slice
@@ -134,12 +176,20 @@ class InhibitedKernel {
     return sources_[static_cast<std::size_t>(setting * levels() + level)];
   }
   const detail::FrontProfile& profile() const { return *profile_; }
+  /// What light from the platform does to light from the window: it moves the front nearer to the window, and the
+  /// light that counts is `times` as much.
+  struct Back {
+    double nearer_um = 0, times = 1;
+  };
+  Back back(double place_um) const;
   /// Continuous: what light of a level gives, relative dose, to what is `d_um` and more away from the
   /// window, over `source().amount`: differences of it are what slices add.
-  double rest(int setting, int level, double d_um) const;
+  double rest(int setting, int level, double d_um) const { return rest(setting, level, d_um, {}); }
+  double rest(int setting, int level, double d_um, const Back& back) const;
   /// Layer by layer: what an exposure of a level gives at `d_um` from the window, over
   /// `source().amount`.
-  double rate(int setting, int level, double d_um) const;
+  double rate(int setting, int level, double d_um) const { return rate(setting, level, d_um, {}); }
+  double rate(int setting, int level, double d_um, const Back& back) const;
   /// The blue intensity that decides about a level's dead zone: of grey by pulses that of full light.
   double brightest_of(int level) const {
     return level_mw_cm2(pulses_.empty() || level == 0 ? level : levels() - 1);
@@ -211,7 +261,13 @@ class InhibitedKernel {
   void count_flow(const EvenLight& light, double full_mw_cm2);
   void end_resin(double depth_um);
   /// `rest` of resin without end.
-  double rest_beyond(int setting, int level, double d_um) const;
+  double rest_beyond(int setting, int level, double d_um, const Back& back) const;
+  void surround(const Printer& printer, const Process& process);
+  void tabulate_around(int setting);
+  double added_by(int setting, int slice, int level, double zeta, double share) const;
+  double returned_blue(double place_um) const;
+  double front_blue(int slice, double blue_mw_cm2, double uv_mw_cm2) const;
+  double window_blue(int setting, double blue_mw_cm2) const;
 
   Kinetics kinetics_, gel_;
   ExposureMode mode_;
@@ -240,6 +296,12 @@ class InhibitedKernel {
   std::vector<double> flow_factor_;  ///< [setting * levels + level]; empty: all 1
   double depth_um_ = 0;              ///< of the resin; 0: without end
   std::vector<double> blue_share_;   ///< by setting; empty: all 1
+  LayerHeights heights_{};           ///< alike: all are layer_um_
+  double reflectance_ = 0;           ///< of the platform; 0: what comes back is nothing
+  /// By setting: a slice with the layers above it that the setting has; -1: any, they are alike. Empty: all -1.
+  std::vector<int> slice_of_setting_;
+  std::vector<std::vector<double>>
+      last_rows_;  ///< [setting * kPlaces + position]; of settings of their own
   mutable std::vector<std::vector<float>> fine_;
   std::unique_ptr<std::once_flag[]> fine_made_;
 };

@@ -163,9 +163,12 @@ class Print:
                 given = [np.full(blue.shape[1:], s) for s in uv["slice_mw_cm2"]]
                 self.flows(process["even_light"], printer["calibration"][-1]["intensity_mw_cm2"] * shares[-1])
             else:
-                given = [blurred(i, gaussians(printer["uv"].get("spread")), pitch)
-                         for i in intensity(uv_images, printer["uv"]["calibration"])]
-            if uv_flat is not None:
+                shown = intensity(uv_images, printer["uv"]["calibration"])
+                if uv_flat is not None:
+                    shown = shown * uv_flat
+                given = [blurred(i, gaussians(printer["uv"].get("spread")), pitch) for i in shown]
+            # Light that floods the window is as it was measured; images of an even dead zone make it even.
+            if uv_flat is not None and uv["kind"] in ("constant", "per_slice"):
                 given = [g * uv_flat for g in given]
             lamp = process.get("uv_lamp_log") or [1]
             self.uv = [given[min(n, len(given) - 1)] * lamp[min(n, len(lamp) - 1)] for n in range(self.layers)]

@@ -302,6 +302,8 @@ def uneven_uv(p):
             p.options["speed-mm-h"] = "350"  # full light comes to the dose that is wanted
         if p.printer["blue"].get("grey") == "pulsed":
             strong_uv(p)
+    if "uv-mw-cm2" in p.options and "region" in p.options and "speed-mm-h" in p.options:
+        p.options["speed-mm-h"] = "350"
     if "dead-zone-um" in p.options:
         p.options["dead-zone-um"] = "8"  # which the lamp holds where it gives least
     values = np.array([[255 - 3 * x - 5 * y for x in range(WIDTH)] for y in range(HEIGHT)])
@@ -319,6 +321,8 @@ def fading_uv(p):
             p.options["uv-mw-cm2"] = "190"  # more than `left_alone` takes, for where less comes
         if p.printer["blue"].get("grey") == "pulsed":
             strong_uv(p)
+    if p.uv_flat is not None and "dead-zone-um" in p.options:
+        p.options["dead-zone-um"] = "3"  # which the lamp holds where, and when, it gives least
     p.files["uv-log.csv"] = "slice,uv_lamp_share\n0,1\n5,0.9\n11,0.8\n".encode()
     p.options["uv-lamp-log"] = "uv-log.csv"
 
@@ -423,6 +427,11 @@ class Case:
         for f in FEATURES:
             if f in features:
                 FEATURES[f](lit)
+        if lit.options.get("lifts") == "each" and "dead-zone-um" in lit.options and len(features) > 2:
+            # Dim light has a thicker dead zone, and is to hold each layer.
+            lit.options.update({"dead-zone-um": "4", "exposure-s": "12"})
+        if lit.options.get("lifts") == "each" and "uv-mw-cm2" in lit.options and len(features) > 2:
+            lit.options["exposure-s"] = "8"
         return lit
 
     def run(self, program, *arguments):
@@ -705,7 +714,7 @@ class Case:
     def room(self, brute, heights_um, doses):
         """By how much a dose that is told may be off."""
         room = TOLERANCE * np.maximum(doses, 0.05)
-        if "light that spreads" in self.features and UV & self.features:
+        if "light that spreads" in self.features and brute.uv is not None:
             room = room + UV_TOLERANCE * brute.doses(heights_um, uv=False)
         return room
 

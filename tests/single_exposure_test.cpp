@@ -22,7 +22,7 @@ namespace {
 using nlohmann::json;
 using testing::HasSubstr;
 
-Kinetics resin(double m, bool inhibited) {
+Kinetics kinetics_of(double m, bool inhibited) {
   Kinetics k{408, m, 64};
   if (inhibited) {
     k.beta = 0.73;
@@ -49,7 +49,7 @@ ReliefHeights looked_up(const Kinetics& k, double blue, double uv, double second
 
 TEST(SingleExposure, BacksAloneHaveTheClosedForm) {
   for (const double m : {0.7, 1.0, 1.3}) {
-    const Kinetics k = resin(m, false);
+    const Kinetics k = kinetics_of(m, false);
     const std::vector<ReliefHeights> wanted{{0, 100}, {0, 0}, {0, 300}, {0, 700}};
     const ReliefAnswer r = find_relief(k, wanted, {.most_blue_mw_cm2 = 100});
     // The highest place gets all of the light: t = D'c e^(m z/hb)/I^m.
@@ -68,7 +68,7 @@ TEST(SingleExposure, BacksAloneHaveTheClosedForm) {
 TEST(SingleExposure, UvLightByPlaceGivesBothHeights) {
   std::mt19937 random(3);
   std::uniform_real_distribution<double> front(10, 150), thick(150, 800);
-  const Kinetics k = resin(0.99, true);
+  const Kinetics k = kinetics_of(0.99, true);
   std::vector<ReliefHeights> wanted;
   for (int i = 0; i < 20; ++i) {
     const double f = front(random);
@@ -99,7 +99,7 @@ TEST(SingleExposure, UvLightByPlaceGivesBothHeights) {
 }
 
 TEST(SingleExposure, AFloodHoldsBacksAndComesNearToFronts) {
-  const Kinetics k = resin(1, true);
+  const Kinetics k = kinetics_of(1, true);
   // What one flood makes by itself, taken for the wish: it is found again.
   const double seconds = 3, uv = 120;
   std::vector<ReliefHeights> wanted;
@@ -128,13 +128,13 @@ TEST(SingleExposure, RefusesWhatCanNotBe) {
     EXPECT_THROW(find_relief(k, wanted, goal), InputError);
   };
   const ReliefGoal goal{.most_blue_mw_cm2 = 100, .most_uv_mw_cm2 = 100};
-  refused(resin(1, true), {{50, 50}}, goal);
-  refused(resin(1, true), {{0, 0}}, goal);
-  refused(resin(1, true), {}, goal);
-  refused(resin(1, false), {{50, 100}}, goal);
-  refused(resin(1, true), {{50, 100}}, {.most_blue_mw_cm2 = 100});
-  refused(resin(1, true), {{0, 100}}, {});
-  refused(resin(1, true), {{0, -1}}, goal);
+  refused(kinetics_of(1, true), {{50, 50}}, goal);
+  refused(kinetics_of(1, true), {{0, 0}}, goal);
+  refused(kinetics_of(1, true), {}, goal);
+  refused(kinetics_of(1, false), {{50, 100}}, goal);
+  refused(kinetics_of(1, true), {{50, 100}}, {.most_blue_mw_cm2 = 100});
+  refused(kinetics_of(1, true), {{0, 100}}, {});
+  refused(kinetics_of(1, true), {{0, -1}}, goal);
 }
 
 class ReliefProgram : public ::testing::Test {

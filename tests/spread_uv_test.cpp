@@ -350,18 +350,23 @@ TEST(CoupledUnderUv, RoundsNeverMakeItWorseAndThreadsChangeNothing) {
   EXPECT_EQ(p.cure_through_voxels + p.undercure_voxels, before);
 }
 
-TEST(CoupledUnderUv, PatternedUvLightIsRefused) {
+TEST(CoupledUnderUv, UnderPatternsEachColumnIsCorrectedAlone) {
   const MemorySlices target = part();
   slicecorr::Setup s = setup(44, 36, 100);
   s.printer.uv->patterned = true;
   s.process.uv = {};
   s.process.uv.kind = UvKind::patterned;
   s.process.uv.dead_zone_um = 20;
-  try {
-    corrected(target, s, 2);
-    ADD_FAILURE() << "would lose its UV light";
-  } catch (const InputError& e) {
-    EXPECT_THAT(e.what(), HasSubstr("is not corrected for where light spreads"));
+  std::vector<std::string> told;
+  MemorySlices stack(target.grid()), dry(target.grid());
+  corrected(target, s, 2, &stack, 2, &told);
+  EXPECT_THAT(told, testing::Contains(HasSubstr("UV light is patterned")));
+  EXPECT_THAT(told, testing::Contains(HasSubstr("each column is corrected alone")));
+  s.printer.spread = {};
+  corrected(target, s, 2, &dry);
+  ASSERT_EQ(stack.grid().layers, dry.grid().layers);
+  for (int n = 0; n < dry.grid().layers; ++n) {
+    for (int x = 0; x < 44; ++x) ASSERT_EQ(stack.at(n, x, 17), dry.at(n, x, 17)) << n << " " << x;
   }
 }
 

@@ -6,6 +6,8 @@
 #include <fmt/format.h>
 
 #include <cmath>
+#include <functional>
+#include <utility>
 #include <vector>
 
 #include "bands/correct_group.hpp"
@@ -18,20 +20,46 @@ namespace slicecorr::detail {
 
 namespace {
 
-CoupledOptions options_of(int rounds, const PlaceModels& models, const DoseTarget* doses,
+/// `share` of each pixel's place.
+LightShares shares_of(const PlaceModels& models, std::function<double(std::uint8_t)> share) {
+  return [&models, share = std::move(share)](const PixelBox& box, double* shares) {
+    std::vector<std::uint8_t> values(columns_of(box));
+    models.map().values(box, values.data());
+    for (std::size_t k = 0; k < values.size(); ++k) shares[k] = share(values[k]);
+  };
+}
+
+/// The place that all columns are counted from: where UV light is uneven the one that keeps the thinnest dead zone.
+const CorrectionPlan& base_plan(const PlacePlans& plans) {
+  const PlaceModels& models = plans.models();
+  return models.of_uv() ? plans.plan(models.map().greatest()) : plans.plan();
+}
+
+CoupledOptions options_of(int rounds, const PlacePlans& plans, const DoseTarget* doses,
                           const std::string& scratch_folder) {
   CoupledOptions options;
   options.doses = doses;
   options.rounds = rounds;
   options.scratch_folder = scratch_folder;
+  const PlaceModels& models = plans.models();
   if (models.even()) return options;
-  options.shares = [&models](const PixelBox& box, double* shares) {
-    const LightMap& map = models.map();
-    std::vector<std::uint8_t> values(columns_of(box));
-    map.values(box, values.data());
-    const double m = models.brightest().m;
-    for (std::size_t k = 0; k < values.size(); ++k) shares[k] = std::pow(map.factor(values[k]), m);
-  };
+  if (models.of_uv()) {
+    options.uv = {shares_of(models, [&](std::uint8_t v) { return uv_share(models, v); }),
+                  most_uv_share(models),
+                  [&plans, &models](const Pixel& p) -> const CorrectionPlan& {
+                    return plans.plan(models.map().value(p.x, p.y));
+                  }};
+    const double base = models.curing_factor(models.map().greatest()), m = models.brightest().m;
+    if (models.paired()) {
+      options.shares = shares_of(models, [&models, base, m](std::uint8_t v) {
+        return std::pow(models.curing_factor(v) / base, m);
+      });
+    }
+    return options;
+  }
+  const double m = models.brightest().m;
+  options.shares = shares_of(
+      models, [&models, m](std::uint8_t v) { return std::pow(models.map().factor(v), m); });
   return options;
 }
 
@@ -42,8 +70,8 @@ TogetherCorrected::TogetherCorrected(const SliceSource& target, const PlacePlans
                                      const ExecutionContext& context)
     : plans_(plans),
       light_(plans.models(), target.grid(), target.frame()),
-      coupled_(plans.plan(), light_.blur(), light_.scatter(), target.bounds(), light_.display(),
-               options_of(rounds, plans.models(), target.doses(), scratch_folder)) {
+      coupled_(base_plan(plans), light_.blur(), light_.scatter(), target.bounds(), light_.display(),
+               options_of(rounds, plans, target.doses(), scratch_folder)) {
   CoupledCorrection::ColumnLevels alone;
   if (!plans.even() || target.doses()) {
     alone = [&](const PixelBox& box) {

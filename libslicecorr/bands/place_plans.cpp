@@ -186,6 +186,10 @@ Pixel first_of(const LightMap& map, const Grid& grid, std::uint8_t value) {
 }
 
 std::string share_in_words(const PlaceModels& models, std::uint8_t value) {
+  if (models.paired()) {
+    return fmt::format("{:.4g} of the light and {:.4g} of the UV light of the calibrations",
+                       models.curing_factor(value), models.uv_factor(value));
+  }
   return models.of_uv()
              ? fmt::format("{:.4g} of the UV light of the calibration", models.uv_factor(value))
              : fmt::format("{:.4g} of the light of the calibration", models.curing_factor(value));
@@ -205,6 +209,11 @@ class PlaceCheck {
     const LightCounts display = map_.counts({0, 0, grid.width_px, grid.height_px});
     brightest_ = 255;
     while (display[brightest_] == 0) --brightest_;
+    // Of places that differ in two lights another may get more of black.
+    for (std::size_t v = 1; models.paired() && v < display.size(); ++v) {
+      const auto value = static_cast<std::uint8_t>(v);
+      if (display[v] > 0 && !verdict_at(value, false).black.empty()) brightest_ = value;
+    }
   }
 
   /// Slices that will be shown.
@@ -274,6 +283,16 @@ class PlaceCheck {
     if (map_.even()) return slices(model);
     // The dimmest place that is lit asks for the most.
     const LitPlaces& lit = lit_now();
+    if (models_.paired()) {
+      // They are in no order of doses.
+      int most = 0;
+      for (std::size_t v = 1; v < lit.columns.size(); ++v) {
+        if (lit.columns[v] > 0) {
+          most = std::max(most, slices(models_.model(static_cast<std::uint8_t>(v))));
+        }
+      }
+      return most;
+    }
     const auto dimmest = std::find_if(lit.columns.begin() + 1, lit.columns.end(),
                                       [](std::uint64_t columns) { return columns > 0; });
     if (dimmest == lit.columns.end()) return 0;
@@ -525,6 +544,10 @@ Prediction whole_image(const Prediction& in_groups, const PlaceModels& models, c
   return sum;
 }
 
+double paired_share(const PlaceModels& models, std::uint8_t value) {
+  return models.paired() ? models.uv_factor(models.map().greatest()) / models.uv_factor(value) : 1;
+}
+
 void PlaceWindows::merge(std::uint8_t value, const WindowWatch& band) {
   auto& total = totals_[value];
   if (!total) total = std::make_unique<WindowTotal>(models_.model(value), slices_);
@@ -558,6 +581,8 @@ std::vector<double> PlaceWindows::greatest_mw_cm2() const {
     if (!totals_[v]) continue;
     const auto value = static_cast<std::uint8_t>(v);
     std::vector<double> blue = level_intensities(models_.printer_at(value));
+    // As bright as it is for the UV light of the place that is counted from.
+    for (double& of_level : blue) of_level *= paired_share(models_, value);
     // Pulses are full light while they last.
     if (models_.printer().grey == GreyLight::pulsed) {
       std::fill(blue.begin() + 1, blue.end(), blue.back());

@@ -72,6 +72,10 @@ Prediction whole_image(const Prediction& in_groups, const PlaceModels& models, c
                        int slices, const LightCounts& in_all_groups,
                        const ShownSlices* recorded = nullptr);
 
+/// Where places differ in both lights: by how much blue light of a value is more for the UV light of the place
+/// that has least of it over its blue light; else 1.
+double paired_share(const PlaceModels& models, std::uint8_t value);
+
 /// The window under places of several models together; see WindowTotal. For one thread at a time.
 class PlaceWindows {
  public:

@@ -42,6 +42,11 @@ UncertainTotal::UncertainTotal(const Setup& setup, const PlaceModels& models, co
 
 Process with_known_uv(const PlaceModels& models, std::uint8_t value) {
   Process process = models.process_at(value);
+  // A pattern is that of the place which it is made for: here it holds a thicker dead zone.
+  if (process.uv.kind == UvKind::patterned && !process.even_light) {
+    return with_pattern_held(process, models.resin(), models.resin(),
+                             1 / models.light_held_of(value));
+  }
   if (process.uv.kind != UvKind::constant) return process;
   // What is asked of a lamp that fades is known.
   if (!process.uv_lamp_share.empty() && process.uv.uv_mw_cm2 > 0) {

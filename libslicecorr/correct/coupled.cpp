@@ -63,6 +63,7 @@ CoupledCorrection::CoupledCorrection(const CorrectionPlan& columns, const LightB
           PatchPlace::grown(bounds_, plan_.reach_x + plan_.halo_x, plan_.reach_y + plan_.halo_y),
           display)) {
   plan_.hands_on = plan_.hands_on && options.hand_on;
+  if (options.uv.shares) plan_.differ(options.uv);
   if (options.doses) plan_.want(*options.doses);
   now_.lifted = plan_.joint > 0;
   if (bounds_.empty()) return;

@@ -56,6 +56,7 @@ struct CoupledOptions {
   /// working folder.
   std::size_t memory_bytes = std::size_t{64} << 20;
   std::string scratch_folder = {};
+  UnevenUv uv{};  ///< under UV light alone
 };
 
 /// What is wrong after a round; round 0: the columns alone.

@@ -45,7 +45,20 @@ InhibitedTuning careful_tuning(InhibitedTuning tuning) {
   return tuning;
 }
 
+InhibitedPlan careful_plan(const CorrectionPlan& columns, double most_dose) {
+  InhibitedPlan plan(columns.model, columns.merge_one_slice_gaps, columns.layers,
+                     columns.all_layers, careful_tuning(columns.inhibited->tuning));
+  return most_dose > 1 ? plan.for_doses(most_dose * plan.node_over_middle) : plan;
+}
+
 }  // namespace
+
+const InhibitedPlan& CarefulPlans::of(const CorrectionPlan& columns, double most_dose) {
+  const std::lock_guard lock(making_);
+  auto& made = made_[&columns];
+  if (!made) made = std::make_unique<const InhibitedPlan>(careful_plan(columns, most_dose));
+  return *made;
+}
 
 bool want_their_light(const CureModel& model) { return model.inhibited() || !model.adds_up(); }
 
@@ -75,19 +88,16 @@ int slices_to_gel_at_edges_by_columns(const CureModel& model) {
   return std::max(reach, plan.reach) + plan.lags.front() + plan.tuning.spare_slices;
 }
 
-CoupledColumns::CoupledColumns(const CorrectionPlan& columns, double most_dose)
+CoupledColumns::CoupledColumns(const CorrectionPlan& columns, double most_dose, double most_uv)
     : judged(columns.model) {
   const CureModel& model = columns.model;
   if (const InhibitedKernel* const kernel = model.inhibited()) {
     facts = columns.inhibited->facts();
-    inhibited.emplace(model, columns.merge_one_slice_gaps, columns.layers, columns.all_layers,
-                      careful_tuning(columns.inhibited->tuning));
-    if (most_dose > 1)
-      inhibited.emplace(inhibited->for_doses(most_dose * inhibited->node_over_middle));
+    inhibited.emplace(careful_plan(columns, most_dose));
     for (int level = 0; level < kernel->levels(); ++level) {
       light.push_back(kernel->level_mw_cm2(level));
     }
-    judged.law = UnderUv{kernel->by_front(kDimmest * light.back())};
+    judged.law = UnderUv{kernel->by_front(kDimmest * light.back() / most_uv)};
     return;
   }
   tried.emplace(*columns.tried);

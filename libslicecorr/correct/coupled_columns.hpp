@@ -20,7 +20,9 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <vector>
 
@@ -43,10 +45,23 @@ bool want_their_light(const CureModel& model);
 /// where that does not do, those of an absorbance height.
 int slices_to_gel_at_edges_by_columns(const CureModel& model);
 
+/// Plans of single columns under UV light with edges that light which is off by some per cent does not move past
+/// a voxel's middle. Thread-safe.
+class CarefulPlans {
+ public:
+  /// `columns` must outlive this.
+  const InhibitedPlan& of(const CorrectionPlan& columns, double most_dose);
+
+ private:
+  std::mutex making_;
+  std::map<const CorrectionPlan*, std::unique_ptr<const InhibitedPlan>> made_;
+};
+
 /// What all patches share where columns want their light. Immutable.
 struct CoupledColumns {
-  /// `most_dose`: the greatest dose that is wanted; 1: none is.
-  explicit CoupledColumns(const CorrectionPlan& columns, double most_dose = 1);
+  /// `most_dose`: the greatest dose that is wanted; 1: none is. `most_uv`: of the plan's UV light the most
+  /// that a pixel gets.
+  explicit CoupledColumns(const CorrectionPlan& columns, double most_dose = 1, double most_uv = 1);
 
   /// The level whose light is nearest.
   int level_of(double its_light) const;

@@ -44,6 +44,7 @@ class ColumnsJudge {
 
   PatchFigures run() {
     share_ = intensity_shares(plan_, place_, lit_);
+    uv_share_ = uv_shares(plan_, box_);
     for (int y = lit_.y0; y < lit_.y1; ++y) {
       for (int x = lit_.x0; x < lit_.x1; ++x) shine_[index_in(lit_, x, y)] *= share_at({x, y});
     }
@@ -61,7 +62,7 @@ class ColumnsJudge {
     const double uv = kernel_uv();
     for (std::size_t i = 0; i < light_.size(); ++i) {
       if (light_[i] != before_[i] || uv != uv_before_) {
-        fronts_[i] = kernel_->front_light(light_[i], uv);
+        fronts_[i] = kernel_->front_light(light_[i], uv_share_.empty() ? uv : uv * uv_share_[i]);
       }
     }
     uv_before_ = uv;
@@ -143,6 +144,7 @@ class ColumnsJudge {
   PixelBox lit_;  ///< what shines on the box
   PatchBytes levels_, coverage_, left_, heights_;
   std::vector<double> share_;                   ///< of intensity; empty where light is even
+  std::vector<double> uv_share_;                ///< of the box; the same
   std::vector<double> shine_, light_, before_;  ///< of pixels; the light that reaches the box
   std::vector<FrontLight> fronts_;
   std::vector<double> phi_;

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "correct/coupled_patch.hpp"
+#include "correct/inhibited_column.hpp"
 
 namespace slicecorr::detail {
 
@@ -87,12 +88,15 @@ class WantedLight {
     std::vector<std::uint8_t> levels(light_.size());
     for (const Pixel& p : wrong_) {
       if (runs_[index_in(box, p)].empty()) continue;
-      find_bounds(p);
+      const InhibitedPlan* const own = plan_.own_plan(p);
+      find_bounds(p, own ? share_at(p) : 1);
       want_doses(p, runs_[index_in(box, p)]);
-      const std::vector<Level>& wanted = column_->solve(runs_[index_in(box, p)], bounds_);
+      ColumnSolver& column = own ? solver_of(*own) : *column_;
+      const std::vector<Level>& wanted = column.solve(runs_[index_in(box, p)], bounds_);
       for (std::size_t n = 0; n < levels.size(); ++n) {
-        levels[n] = wanted[n] > bounds_.floors[n] ? own_level(p, static_cast<int>(n), wanted[n])
-                                                  : std::uint8_t{0};
+        levels[n] = wanted[n] <= bounds_.floors[n]
+                        ? std::uint8_t{0}
+                        : (own ? wanted[n] : own_level(p, static_cast<int>(n), wanted[n]));
       }
       sink(p, levels);
     }
@@ -107,6 +111,12 @@ class WantedLight {
     return marks;
   }
 
+  /// Of columns whose UV light is their place's.
+  ColumnSolver& solver_of(const InhibitedPlan& plan) {
+    std::unique_ptr<ColumnSolver>& made = own_[&plan];
+    if (!made) made = std::make_unique<InhibitedColumn>(plan);
+    return *made;
+  }
   double share_at(const Pixel& p) const { return share_.empty() ? 1 : share_[place_.at(p.x, p.y)]; }
   /// The least level of a pixel that has at least the light of `level` where all light comes.
   std::uint8_t own_level(const Pixel& p, int n, Level level) const {
@@ -200,7 +210,8 @@ class WantedLight {
 
   /// Where the column wants light itself, its neighbours make room for it, and those that want light,
   /// too, can shine as bright as they can. What is shone into its dark slices stays.
-  void find_bounds(const Pixel& p) {
+  /// `unit`: the share of light that the levels of the column's plan stand for.
+  void find_bounds(const Pixel& p, double unit) {
     const std::size_t slices = bright_.size();
     std::fill(light_.begin(), light_.end(), 0.0);
     std::fill(bright_.begin(), bright_.end(), 0.0);
@@ -218,10 +229,10 @@ class WantedLight {
     bounds_.floors.resize(slices);
     bounds_.caps.resize(slices);
     for (std::size_t n = 0; n < slices; ++n) {
-      bounds_.floors[n] = static_cast<Level>(alone[n] == 0 ? wants_.level_of(light_[n]) : 0);
+      bounds_.floors[n] = static_cast<Level>(alone[n] == 0 ? wants_.level_of(light_[n] / unit) : 0);
       const int cap = wants_.cap_of(static_cast<int>(n));
-      bounds_.caps[n] = std::max(bounds_.floors[n],
-                                 static_cast<Level>(std::min(cap, wants_.level_of(bright_[n]))));
+      bounds_.caps[n] = std::max(
+          bounds_.floors[n], static_cast<Level>(std::min(cap, wants_.level_of(bright_[n] / unit))));
     }
   }
   double brightest(std::size_t n) const {
@@ -236,6 +247,7 @@ class WantedLight {
   std::vector<std::vector<CoverageRun>> runs_;
   ByColumn levels_, alone_;
   std::unique_ptr<ColumnSolver> column_;
+  std::map<const InhibitedPlan*, std::unique_ptr<ColumnSolver>> own_;
   ColumnBounds bounds_;
   std::map<std::pair<int, int>, std::vector<std::uint8_t>> doses_;  ///< by pixel of a wrong column
   std::vector<double> share_;  ///< of intensity; empty where light is even

@@ -86,6 +86,15 @@ inline std::vector<double> intensity_shares(const CoupledPlan& plan, const Patch
   return of_pixels;
 }
 
+/// What the pixels of a box of the display get of the plan's UV light; empty where it is even.
+inline std::vector<double> uv_shares(const CoupledPlan& plan, const PixelBox& box) {
+  std::vector<double> shares;
+  if (!plan.uv.shares || box.empty()) return shares;
+  shares.resize(pixels_of(box));
+  plan.uv.shares(box, shares.data());
+  return shares;
+}
+
 /// Bytes of a patch, of one slice at a time, from the tiles around it.
 class PatchBytes {
  public:

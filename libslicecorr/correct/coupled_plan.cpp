@@ -108,7 +108,12 @@ void CoupledPlan::want(const DoseTarget& its_doses) {
   graded = true;
   if (!wants) return;
   doses = &its_doses;
-  wants = std::make_shared<const CoupledColumns>(columns, its_doses.scale.greatest());
+  wants = std::make_shared<const CoupledColumns>(columns, most_dose(), uv.most);
+}
+
+void CoupledPlan::differ(UnevenUv its_uv) {
+  uv = std::move(its_uv);
+  wants = std::make_shared<const CoupledColumns>(columns, most_dose(), uv.most);
 }
 
 CoupledPlan::CoupledPlan(const CorrectionPlan& column_plan, const LightBlur& light_blur,

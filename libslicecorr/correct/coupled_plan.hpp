@@ -25,6 +25,14 @@ bool can_couple(const CureModel& model);
 /// those of intensity.
 using LightShares = std::function<void(const PixelBox& box, double* shares)>;
 
+/// UV light that is uneven.
+struct UnevenUv {
+  LightShares shares{};  ///< of the plan's UV light; empty where it is even
+  double most = 1;       ///< of them
+  /// The plan of a pixel's own column, which outlives the plan that asks.
+  std::function<const CorrectionPlan&(const Pixel&)> plan_of{};
+};
+
 struct CoupledPlan {
   /// `column_plan`: with UV light that is not patterned or without; throws `InputError` for others. Where
   /// doses are no sums of light none may scatter. `display_box`: beyond it it is dark.
@@ -101,6 +109,15 @@ struct CoupledPlan {
   const DoseTarget* doses = nullptr;
   /// Lets columns that are solved again want doses; these must outlive the plan.
   void want(const DoseTarget& its_doses);
+  /// Lets UV light differ from place to place.
+  void differ(UnevenUv its_uv);
+  UnevenUv uv{};
+  /// The plan by which the column of a pixel is solved again; null: that of `wants`.
+  const InhibitedPlan* own_plan(const Pixel& pixel) const {
+    return uv.plan_of ? &careful->of(uv.plan_of(pixel), most_dose()) : nullptr;
+  }
+  double most_dose() const { return doses ? doses->scale.greatest() : 1.0; }
+  std::shared_ptr<CarefulPlans> careful = std::make_shared<CarefulPlans>();
 
   int reach_x, reach_y;
   /// What a pixel gives to those around it: rows of `taps_width`, the first 2 reach_x + 1 of which

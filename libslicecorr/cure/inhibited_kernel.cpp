@@ -320,6 +320,16 @@ std::shared_ptr<const InhibitedKernel> InhibitedKernel::by_front(double least_bl
 
 FrontLight InhibitedKernel::front_light(double blue_mw_cm2, double uv_mw_cm2) const {
   if (!(blue_mw_cm2 > 0)) return {};
+  if (fronts_per_um_ == 0) {
+    // Its own levels, of its own UV light: the nearest, times so much.
+    const auto above = std::lower_bound(blue_.begin() + 1, blue_.end() - 1, blue_mw_cm2);
+    const auto nearest =
+        above - blue_.begin() > 1 && blue_mw_cm2 - *std::prev(above) < *above - blue_mw_cm2
+            ? std::prev(above)
+            : above;
+    return {static_cast<float>(std::pow(blue_mw_cm2 / *nearest, kinetics_.m)),
+            static_cast<std::uint16_t>(nearest - blue_.begin())};
+  }
   const double first = sources_.front().front_um;
   const double exact = profile_->front_um(blue_mw_cm2, kinetics_.beta * uv_mw_cm2);
   const double step = std::clamp(std::round((exact - first) * fronts_per_um_), 0.0,
@@ -330,6 +340,9 @@ FrontLight InhibitedKernel::front_light(double blue_mw_cm2, double uv_mw_cm2) co
 }
 
 double InhibitedKernel::blue_of(const FrontLight& light) const {
+  if (fronts_per_um_ == 0) {
+    return std::pow(static_cast<double>(light.amount), 1.0 / kinetics_.m) * blue_[light.front];
+  }
   return std::pow(static_cast<double>(light.amount), 1.0 / kinetics_.m) *
          std::exp(sources_[light.front].front_um / kinetics_.hb_um);
 }

@@ -112,7 +112,11 @@ void check_lamps(const LitPrint& print, const MachineMotion& machine) {
   check_black_light(print, machine);
   const UvSchedule& uv = print.process.uv;
   if (uv.kind == UvKind::off || uv.kind == UvKind::patterned || !print.printer.uv) return;
-  const double full = level_intensities(print.printer).back();
+  // A dead zone is held where slices get the most light.
+  const Process lit = as_lamp_shines(print.process);
+  double most_share = lit.light_share.empty() ? 1 : 0;
+  for (const double share : lit.light_share) most_share = std::max(most_share, share);
+  const double full = level_intensities(print.printer).back() * most_share;
   const Kinetics k = make_kinetics(print.resin, true, true);
   std::vector<double> light{flood_mw_cm2(uv, k, full, 0)};
   for (int n = 1; n < static_cast<int>(uv.slice_mw_cm2.size()); ++n) {

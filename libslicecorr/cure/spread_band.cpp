@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "cure/walkers.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/gel_time.hpp"
 #include "slicecorr/inhibited.hpp"
@@ -50,7 +51,34 @@ void copy_common(const std::vector<double>& in, const PixelBox& from, std::vecto
 
 void refuse(const std::string& why) { throw InputError(why); }
 
+/// A kernel for light between grey levels, over the UV light of slices: where light is made for an even dead zone
+/// the dose goes by both lights and not by the front alone.
+std::shared_ptr<const InhibitedKernel> by_light(const PlaceModels& models) {
+  const std::uint8_t place = models.map().greatest();
+  const Printer printer = models.printer_at(place);
+  constexpr int levels = 2048;
+  // Neighbours differ by 0.6 %: the front is right to 0.1 um, and the amount counts exactly.
+  constexpr double least = 1e-5;
+  const double full = level_intensities(printer).back();
+  std::vector<double> light{0};
+  for (int l = 1; l < levels; ++l) {
+    light.push_back(full * std::pow(least, 1 - (l - 1) / (levels - 2.0)));
+  }
+  return make_inhibited_kernel(printer, models.resin(), models.process_at(place),
+                               models.brightest().layer_um, light, 1);
+}
+
 }  // namespace
+
+double uv_share(const PlaceModels& models, std::uint8_t value) {
+  return models.of_uv() ? models.uv_factor(value) / models.uv_factor(models.map().greatest()) : 1;
+}
+
+double most_uv_share(const PlaceModels& models) {
+  if (!models.of_uv()) return 1;
+  const FlatField& field = *models.printer().uv_flat_field;
+  return 1.0 * field.greatest() / field.reference / models.uv_factor(models.map().greatest());
+}
 
 SpreadLight::SpreadLight(const PlaceModels& models, const Grid& grid, const ImageFrame& frame)
     : models_(models), display_{0, 0, grid.width_px, grid.height_px} {
@@ -80,9 +108,15 @@ SpreadLight::SpreadLight(const PlaceModels& models, const Grid& grid, const Imag
                            turn_to_display(frame, printer));
     }
     if (!none()) {
+      const double full = level_intensities(models.printer_at(models.map().greatest())).back();
       by_front_ = model;
-      by_front_->law = UnderUv{model.inhibited()->by_front(
-          kDimmest * level_intensities(models.printer_at(models.map().greatest())).back())};
+      // Fronts go by the ratio of both lights.
+      if (model.inhibited()->gap_um() > 0) {
+        by_front_->law = UnderUv{by_light(models)};
+        return;
+      }
+      by_front_->law =
+          UnderUv{model.inhibited()->by_front(kDimmest * full / most_uv_share(models))};
     }
   }
   if (!scatter_.none()) {
@@ -197,12 +231,14 @@ const std::vector<double>& SpreadBand::intensities(std::uint8_t place, int) {
   return values;
 }
 
-const std::vector<double>& SpreadBand::uv_intensities(std::uint8_t, int setting) {
-  std::vector<double>& values = uv_intensities_[setting];
+const std::vector<double>& SpreadBand::uv_intensities(std::uint8_t place, int setting) {
+  std::vector<double>& values = uv_intensities_[setting][place];
   if (values.empty()) {
     const InhibitedKernel& kernel = *light_.models_.brightest().inhibited();
+    const double share = uv_share(light_.models_, place);
     for (int v = 0; v < 256; ++v) {
-      values.push_back(kernel.setting_uv_mw_cm2(setting, level_of_pixel(v, kernel.levels())));
+      values.push_back(share *
+                       kernel.setting_uv_mw_cm2(setting, level_of_pixel(v, kernel.levels())));
     }
   }
   return values;
@@ -212,8 +248,9 @@ const std::vector<double>& SpreadBand::uv_intensities(std::uint8_t, int setting)
 const std::vector<double>& SpreadBand::dark_uv(int setting) {
   std::vector<double>& dark = dark_uv_[setting];
   if (!dark.empty()) return dark;
-  dark.assign(columns_of(field_), uv_intensities(0, setting)[0]);
-  if (!light_.uv_blur_.none()) {
+  const std::uint8_t place = light_.models_.map().greatest();
+  dark.assign(columns_of(field_), uv_intensities(place, setting)[0]);
+  if (!light_.uv_blur_.none() || light_.models_.of_uv()) {
     blur(nullptr, field_, light_.uv_blur_, &SpreadBand::uv_intensities, setting, dark);
   }
   return dark;
@@ -303,8 +340,8 @@ void SpreadBand::show_under_uv(const std::uint8_t* pixels, int setting, Shown& o
     if (!lit.empty() && !to.empty()) blur(pixels, to, spread, shine, setting, field);
   };
   show(light_.blur_, &SpreadBand::intensities, out.field);
-  const bool patterned = uv_intensities(0, setting).front() != uv_intensities(0, setting).back();
-  if (patterned) show(light_.uv_blur_, &SpreadBand::uv_intensities, out.uv);
+  const std::vector<double>& of_uv = uv_intensities(light_.models_.map().greatest(), setting);
+  if (of_uv.front() != of_uv.back()) show(light_.uv_blur_, &SpreadBand::uv_intensities, out.uv);
 
   const InhibitedKernel& kernel = *light_.model().inhibited();
   out.fronts.resize(column_count());
@@ -378,7 +415,8 @@ std::span<const ImageShowing> SpreadBand::of(int slice) {
       show_under_uv(images[k].pixels, setting, kept_[k]);
       showing.pixels = kept_[k].own.data();
       showing.fronts = kept_[k].fronts.data();
-      showing.setting = 0;
+      // A kernel by fronts has one for all.
+      showing.setting = light_.model().inhibited()->settings() == 1 ? 0 : setting;
       continue;
     }
     show(images[k].pixels, kept_[k]);

@@ -25,13 +25,18 @@ namespace slicecorr::detail {
 /// Under UV light, light dimmer than this share of full light has the front of light that is not.
 inline constexpr double kDimmest = 1e-7;
 
+/// What places of a value of light get of the UV light of those that get the least, and the most of it; 1 where
+/// UV light is even.
+double uv_share(const PlaceModels& models, std::uint8_t value);
+double most_uv_share(const PlaceModels& models);
+
 /// How the light of a printer spreads over images and in a resin. Immutable; may be shared between
 /// threads.
 class SpreadLight {
  public:
   /// Of the models' printer and resin, for images of `grid` that lie like `frame`. `models` must
   /// outlive this. Throws `InputError`
-  /// where what spreads can't be counted: light made for an even dead zone; scatter under UV light, in
+  /// where what spreads can't be counted: scatter under UV light, in
   /// a resin whose exponent m is not 1 or that has a time to gel, that ends, or below a platform that sends light back; a spread that reaches further than the images are wide or high.
   SpreadLight(const PlaceModels& models, const Grid& grid, const ImageFrame& frame);
 
@@ -109,7 +114,7 @@ class SpreadBand {
   void blur(const std::uint8_t* pixels, const PixelBox& to, const LightBlur& spread, Shine shine,
             int setting, std::vector<double>& field);
   const std::vector<double>& intensities(std::uint8_t place, int);
-  const std::vector<double>& uv_intensities(std::uint8_t, int setting);
+  const std::vector<double>& uv_intensities(std::uint8_t place, int setting);
   const std::vector<double>& dark_uv(int setting);
   std::size_t column(std::size_t i) const { return columns_.empty() ? i : columns_[i]; }
   std::size_t column_count() const { return columns_.empty() ? dark_.size() : columns_.size(); }
@@ -125,7 +130,8 @@ class SpreadBand {
   /// Relative intensity of each pixel value to the power 1 / m, by value of the display's light;
   /// under UV light and with a time to gel the intensity.
   std::array<std::vector<double>, 256> intensities_;
-  std::map<int, std::vector<double>> uv_intensities_, dark_uv_;  ///< by setting
+  std::map<int, std::array<std::vector<double>, 256>> uv_intensities_;  ///< by setting and place
+  std::map<int, std::vector<double>> dark_uv_;                          ///< by setting
   std::vector<double> dark_;          ///< the light of a black image, over `field_`
   std::vector<std::uint8_t> pixels_;  ///< of a slice that shows one image
   std::vector<double> in_, out_;

@@ -18,6 +18,7 @@
 #include "slicecorr/cure.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/light_map.hpp"
+#include "slicecorr/light_spreads.hpp"
 #include "slicecorr/units.hpp"
 
 namespace slicecorr::detail {
@@ -98,7 +99,8 @@ double mean_over_part(const FlowSection& section, const std::vector<double>& val
 }
 
 double even_uv_cap(const Setup& setup) {
-  return setup.printer.uv->max_mw_cm2() * LampShares{setup.process}.least_uv();
+  return setup.printer.uv->max_mw_cm2() * LampShares{setup.process}.least_uv() *
+         std::min(1.0, least_uv_factor(setup.printer));
 }
 
 double even_blue_cap(const SliceSource& target, const Setup& setup) {
@@ -153,6 +155,7 @@ class LightAdder {
         across_(images.width_px, images.pixel_x_um, grid.left_um, grid.pitch_um, grid.columns),
         down_(images.height_px, images.pixel_y_um, grid.top_um, grid.pitch_um, grid.rows),
         map_(setup.printer, images, frame),
+        uv_map_(uv_light_map(setup.printer, images, frame)),
         even_light_(*setup.process.even_light),
         process_(setup.process) {
     blue_ = level_intensities(setup.printer);
@@ -160,7 +163,7 @@ class LightAdder {
     full_ = blue_.back();
     for (std::size_t l = 1; l < blue_.size(); ++l) step_ = std::max(step_, blue_[l] - blue_[l - 1]);
     if (even_light_.uv) {
-      uv_images_.emplace(setup, images, map_);
+      uv_images_.emplace(setup, images, frame);
       uv_of_ = units(uv_level_intensities(setup.printer));
     }
     even_light_.uv = even_light_.blue;
@@ -196,7 +199,10 @@ class LightAdder {
         if (share == 0) continue;
         const double factor = map_.even() ? 1.0 : map_.factor(map_.value(static_cast<int>(x), y));
         const std::int64_t blue = std::llround(blue_of_[rows[i]] * factor * blue_share);
-        const std::int64_t uv = uv_images_ ? std::llround(uv_of_[whole[x]] * uv_share) : 0;
+        const double uv_factor =
+            uv_map_.even() ? 1.0 : uv_map_.factor(uv_map_.value(static_cast<int>(x), y));
+        const std::int64_t uv =
+            uv_images_ ? std::llround(uv_of_[whole[x]] * uv_share * uv_factor) : 0;
         sums.lit[cell] += share;
         sums.blue[cell] += share * blue;
         sums.uv[cell] += share * uv;
@@ -230,7 +236,7 @@ class LightAdder {
   const Grid& images_;
   std::size_t columns_;
   PixelPlaces across_, down_;
-  LightMap map_;
+  LightMap map_, uv_map_;
   EvenLight even_light_;  ///< with curing light in place of UV light
   const Process& process_;
   std::optional<EvenPixels> even_;
@@ -424,6 +430,9 @@ FlowDoses flow_doses(const SliceSource& target, const SliceSource* shown, const 
                      const ExecutionContext& context) {
   using namespace detail;
   if (!asked.process.even_light) return {};
+  if (light_spreads(asked.printer, asked.resin, asked.process)) {
+    context.tell("what flowing resin gets is told for light that stays in its pixel");
+  }
   const Setup setup = lit_setup(asked);
   const EvenLight& light = *setup.process.even_light;
   const std::vector<int> slices = judged_slices(light);

@@ -45,6 +45,12 @@ void check_setup(const Setup& setup) {
                      fmt::format("is a flood; an even dead zone by \"{}\" needs \"patterned\"",
                                  name_of(setup.process.even_dead_zone)));
   }
+  if (setup.printer.uv_flat_field && !by_place) {
+    throw InputError(
+        setup.printer.name, "uv.flat_field",
+        "the dead zone is as uneven as UV light whose images do not go by place; expected even_dead_zone uv or both "
+        "with a UV lamp that shows patterns, or a printer without uv.flat_field");
+  }
   const double m = flow_resin(resin).kinetics.m;
   if (m != 1) {
     throw InputError(
@@ -112,7 +118,7 @@ void check_left_alone(const SliceSource& target, const Setup& setup, const Proce
                       const ExecutionContext& context) {
   if (!target.left_alone()) return;
   const std::vector<double> blue = level_intensities(setup.printer);
-  const double most_uv = setup.printer.uv->max_mw_cm2();
+  const double most_uv = setup.printer.uv->max_mw_cm2() * detail::least_uv_factor(setup.printer);
   const double beta = flow_resin(setup.resin).kinetics.beta;
   const bool patterned = process.even_light->uv != nullptr;
   for (const PixelBox& band : detail::bands_of(target.grid(), target.bounds())) {
@@ -189,8 +195,9 @@ Process find_even_light(const SliceSource& target, const Setup& setup,
   return process;
 }
 
-EvenUvImages::EvenUvImages(const Setup& setup, const Grid& images, const LightMap& map)
-    : map_(map),
+EvenUvImages::EvenUvImages(const Setup& setup, const Grid& images, const ImageFrame& frame)
+    : map_(setup.printer, images, frame),
+      uv_map_(uv_light_map(setup.printer, images, frame)),
       blue_light_(with_blue_as_uv(*setup.process.even_light)),
       pixels_(*setup.process.even_light, images),
       blue_(*blue_light_, images) {
@@ -229,7 +236,8 @@ EvenUvImages::EvenUvImages(const Setup& setup, const Grid& images, const LightMa
   uv_of_blue_ = blue.back() / (beta * most);
   // Twice what holds black's own light off the window.
   const double black = blue.front();
-  of_black_ = black > 0 ? pixel(std::min(most, 2 * black / (beta * lamps.least_uv()))) : pixel(0);
+  const double least = lamps.least_uv() * detail::least_uv_factor(printer);
+  of_black_ = black > 0 ? pixel(std::min(most, 2 * black / (beta * least))) : pixel(0);
 }
 
 void EvenUvImages::make_row(int slice, int y, std::span<std::uint8_t> pixels) const {
@@ -251,8 +259,8 @@ void EvenUvImages::make_row(int slice, int y, std::span<std::uint8_t> pixels) co
     }
     // What its place on an uneven display, and its slice, make of it.
     double share = share_of_[p] * lamps.blue;
-    if (!map_.even())
-      share *= map_.factor(map_.value(static_cast<int>(first + static_cast<std::ptrdiff_t>(i)), y));
+    const int x = static_cast<int>(first + static_cast<std::ptrdiff_t>(i));
+    if (!map_.even()) share *= map_.factor(map_.value(x, y));
     // Dimmer pixels, as beside edges, get less of both lights alike: else inhibitor would be left over
     // and flow to where the part is to gel. But where much of the light is curing light, as on outlines,
     // whose resin has just come in, they get what keeps their own off the window.
@@ -260,6 +268,7 @@ void EvenUvImages::make_row(int slice, int y, std::span<std::uint8_t> pixels) co
     if (share < even[i]) uv = std::min(uv, std::max(uv * share / even[i], share * uv_of_blue_));
     // What is left alone shines brighter, and is kept off the window as well.
     if (share > even[i] + 1 + step_) uv = std::min(255.0, std::max(uv, share * uv_of_blue_));
+    if (!uv_map_.even()) uv = std::min(255.0, uv / uv_map_.factor(uv_map_.value(x, y)));
     p = of_share[static_cast<std::size_t>(std::ceil(uv * kSteps - 1e-9))];
   }
 }

@@ -45,4 +45,10 @@ struct LampShares {
   }
 };
 
+/// What the place of the UV lamp that gives least has of the calibration's light.
+inline double least_uv_factor(const Printer& printer) {
+  if (!printer.uv_flat_field) return 1;
+  return 1.0 * std::max<int>(1, printer.uv_flat_field->least()) / printer.uv_flat_field->reference;
+}
+
 }  // namespace slicecorr::detail

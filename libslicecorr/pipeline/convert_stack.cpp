@@ -33,16 +33,15 @@ std::array<std::uint8_t, 256> uv_of_pixels(const CureModel& model, int levels) {
 }
 
 void set_uv_images(StackWriter& writer, const PlaceModels& models, const Setup& setup,
-                   const Grid& images) {
+                   const ImagesLie& images) {
   if (setup.process.even_light && setup.process.even_light->uv) {
     // Lives as long as the writer asks it.
     struct Made {
       Setup setup;
       EvenUvImages images;
-      Made(const Setup& s, const Grid& grid, const LightMap& map)
-          : setup(s), images(setup, grid, map) {}
+      Made(const Setup& s, const ImagesLie& lie) : setup(s), images(setup, lie.grid, lie.frame) {}
     };
-    const auto made = std::make_shared<const Made>(setup, images, models.map());
+    const auto made = std::make_shared<const Made>(setup, images);
     writer.set_uv_pattern(made->images.of_black(),
                           [made](int slice, int y, std::span<std::uint8_t> pixels) {
                             made->images.make_row(slice, y, pixels);
@@ -111,7 +110,8 @@ void convert_stack(const StackReader& stack, const StackFile& file, const Execut
   StackWriter writer(file, grid, context);
   if (info.printer && info.resin && info.process) {
     models.emplace(*info.printer, *info.resin, *info.process, grid, slices.frame());
-    detail::set_uv_images(writer, *models, {*info.printer, *info.resin, *info.process, 0}, grid);
+    detail::set_uv_images(writer, *models, {*info.printer, *info.resin, *info.process, 0},
+                          {grid, slices.frame()});
   }
   const SliceSource* edges = slices.edge_heights();
   if (edges != nullptr && !writer.keep_edge_heights()) edges = nullptr;

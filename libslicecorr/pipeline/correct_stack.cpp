@@ -245,10 +245,10 @@ StackCorrection::StackCorrection(const SliceSource& target, const Setup& asked,
       surface_before_(target.bounds()),
       areas_(areas_of(grid_, &setup_.printer)) {
   areas_.heights = LayerHeights(setup_.process.layer_heights_um);
+  detail::set_uv_images(writer_, plans_.models(), setup_, {grid_, target.frame()});
   if (together_) return;
   if (target.doses()) detail::check_doses(*target.doses(), target, plans_.models(), setup_);
   if (setup_.uncertainty) uncertain_.emplace(setup_, plans_.models(), target.bounds());
-  detail::set_uv_images(writer_, plans_.models(), setup_, grid_);
   bodies_.emplace(bands_, plans_.all_layers(), model(), context);
   // What uncorrected light joins in the end is told beside the correction, not when.
   if (with_before_) bodies_before_.emplace(bands_, plans_.layers(), model(), context, false);
@@ -520,11 +520,15 @@ CorrectedSlices::CorrectedSlices(const SliceSource& target, const Setup& setup,
   std::vector<Feature> features = features_of(model);
   features.push_back(Feature::spread);
   if (model.inhibited() && model.inhibited()->ends()) features.push_back(Feature::vat_depth);
+  if (model.inhibited() && model.inhibited()->gap_um() > 0) {
+    features.push_back(Feature::even_dead_zone);
+  } else if (model.inhibited() && !model.inhibited()->uv_levels().empty()) {
+    features.push_back(Feature::uv_patterned);
+  }
   const Unsupported* const pair = find_unsupported(features, Verdict::alone);
   const bool uv = model.inhibited() != nullptr;
-  const char* const alone = pair                         ? pair->words
-                            : !detail::can_couple(model) ? "UV light is patterned"
-                            : uv && target.left_alone()  ? "something is left alone under UV light"
+  const char* const alone = pair                        ? pair->words
+                            : uv && target.left_alone() ? "something is left alone under UV light"
                             : uv && model.inhibited()->ends() ? "the resin ends under UV light"
                                                               : nullptr;
   if (alone == nullptr) {

@@ -119,6 +119,10 @@ void look_at_light(const SliceSource& slices, const Printer& printer, const Proc
     const auto counts = LightMap(mapped, slices.grid(), slices.frame()).counts(slices.bounds());
     facts.lights = static_cast<int>(
         std::count_if(counts.begin(), counts.end(), [](std::uint64_t n) { return n > 0; }));
+    // Of pairs of lights there may be as many as there are values.
+    if (printer.flat_field && printer.uv_flat_field && process.uv.kind != UvKind::off) {
+      facts.lights = 255;
+    }
   }
   const bool continuous = plan.model.is_continuous();
   const bool sums = !plan.inhibited && !plan.tried;

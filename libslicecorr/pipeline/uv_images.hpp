@@ -20,7 +20,11 @@ std::array<std::uint8_t, 256> uv_of_pixels(const CureModel& model, int levels);
 
 /// Lets the writer make an image in UV light of every slice, where the lamp shows patterns: by the
 /// curing light of each pixel, or by place for an even dead zone. `models` must outlive the writer's work.
+struct ImagesLie {
+  Grid grid;
+  ImageFrame frame;
+};
 void set_uv_images(StackWriter& writer, const PlaceModels& models, const Setup& setup,
-                   const Grid& images);
+                   const ImagesLie& images);
 
 }  // namespace slicecorr::detail

@@ -37,7 +37,10 @@ std::vector<double> brightest_together(const SliceSource& target, const Setup& s
     double black = 0;
     for (const std::uint8_t place : places) {
       std::vector<double>& levels = blue[place];
-      if (levels.empty()) levels = level_intensities(models.printer_at(place));
+      if (levels.empty()) {
+        levels = level_intensities(models.printer_at(place));
+        for (double& blue_mw : levels) blue_mw *= detail::paired_share(models, place);
+      }
       black = std::max(black, levels.front());
     }
     std::fill(of_band.begin(), of_band.end(), black);

@@ -96,7 +96,7 @@ void WindowWatch::add_slice(int slice, std::span<const ImageShowing> showings) {
     if (showing.fronts) {
       for (std::size_t i = 0; i < columns_; ++i) {
         if (showing.pixels[i] == 0) continue;
-        const double zone = kernel_.setting_dead_zone_um(0, showing.fronts[i].front);
+        const double zone = kernel_.setting_dead_zone_um(showing.setting, showing.fronts[i].front);
         least_um_[n] = std::fmin(least_um_[n], zone);
         greatest_um_[n] = std::fmax(greatest_um_[n], zone);
       }
@@ -139,9 +139,10 @@ void WindowWatch::cure(int slice, std::span<const ImageShowing> showings) {
     for (std::size_t k = 0; k < showings.size(); ++k) {
       if (const FrontLight* const fronts = showings[k].fronts) {
         const FrontLight& light = fronts[i];
-        if (light.amount > 0 && !kernel_.level_keeps_dead_zone(0, light.front)) {
+        const int setting = showings[k].setting;
+        if (light.amount > 0 && !kernel_.level_keeps_dead_zone(setting, light.front)) {
           added += showings[k].light * static_cast<double>(light.amount) *
-                   kernel_.setting_window_dose(0, light.front);
+                   kernel_.setting_window_dose(setting, light.front);
           no_dead_zone = true;
         }
         continue;

@@ -75,6 +75,11 @@ LightMap::LightMap(const Printer& printer, const Grid& images, const ImageFrame&
   even_ = field_.least() == reference_ && greatest_ == reference_;
 }
 
+LightMap uv_light_map(Printer printer, const Grid& images, const ImageFrame& frame) {
+  printer.flat_field = printer.uv_flat_field;
+  return {printer, images, frame};
+}
+
 std::vector<LightMap::Between> LightMap::between(int pixels, int samples) {
   std::vector<Between> all(static_cast<std::size_t>(pixels));
   const std::int64_t unit = std::int64_t{2} * pixels;

@@ -70,8 +70,9 @@ constexpr const char* kEvenMirror =
     "moves the front slice by slice, and the flow under it is found for light from the window alone; expected a "
     "printer without it, or even_dead_zone off";
 constexpr const char* kStayUv =
-    "slices that get more light where they go slower are not computed beside an even dead zone, whose "
-    "light is made for one speed; expected lamps that follow the speed, or even_dead_zone off";
+    "slices that get more light where they go slower can't have an even dead zone: resin flows faster where slices go "
+    "faster, and light that is even for one flow is not for another; expected lamps that follow the speed, or "
+    "even_dead_zone off";
 constexpr const char* kEvenHeights =
     "layers of different heights are not counted beside an even dead zone, whose light is found for slices of one "
     "height; expected layers of one height, or even_dead_zone off";
@@ -91,22 +92,10 @@ constexpr const char* kRobustUv =
     "flow that brings its dose; expected even_dead_zone off";
 
 constexpr const char* kPulsesUv =
-    "{printer}: blue.grey: grey by pulses is not counted beside an even dead zone, whose flow mixes what pulses "
-    "did; expected even_dead_zone off, or grey = \"steady\"";
-
-constexpr const char* kUnevenUvShown =
-    "{printer}: uv.flat_field: uneven UV light is not counted where UV light has a pattern, whose levels would be "
-    "others at each place; expected UV light that floods the window, or a printer without uv.flat_field";
+    "{printer}: blue.grey: pulses are full light while they last, so that the dead zone is that of full light at every "
+    "grey, and no grey makes it even; expected even_dead_zone off, or grey = \"steady\"";
 
 constexpr Unsupported kTable[] = {
-    {uneven_uv, uneven_light, refused,
-     "{printer}: uv.flat_field: is not counted beside a flat_field of the display: places then differ in two lights, "
-     "in more pairs than there is room for tables of; expected one of both"},
-    {uneven_uv, uv_patterned, refused, kUnevenUvShown},
-    {uneven_uv, even_dead_zone, refused, kUnevenUvShown},
-    {uneven_uv, spread, refused,
-     "{printer}: uv.flat_field: is not counted where light spreads; expected no spread, or a printer "
-     "without uv.flat_field"},
     {pulsed_grey, even_dead_zone, refused, kPulsesUv},
     {pulsed_grey, spread, refused,
      "{printer}: blue.grey: grey by pulses is not counted where light spreads, since pulses of pixels "
@@ -132,9 +121,8 @@ constexpr Unsupported kTable[] = {
         "layers of different heights are not counted in resin that ends above the window: its end "
         "would lie inside layers, which then get a part of a slice's light; expected layers of one "
         "height, or no depth"),
-    {uv_patterned, spread, not_corrected,
-     "patterned UV light is not corrected for where light spreads from pixel to pixel; expected constant UV "
-     "light (uv-mw-cm2), or a printer and a resin without spread"},
+    {uv_patterned, spread, alone,
+     "UV light is patterned, by grey levels and not by the light that columns get"},
     // What is wanted of a correction.
     {wanted_doses, exchange, refused,
      "doses can't be graded where lifts exchange resin: what of a dose is left depends on when its place gels, which "
@@ -148,8 +136,8 @@ constexpr Unsupported kTable[] = {
      "an even dead zone is for continuous exposure: layer by layer resin comes to rest"},
     {reflectance, even_dead_zone, refused, kEvenMirror},
     {moved_heights, even_dead_zone, refused, kEvenHeights},
-    {even_dead_zone, spread, refused,
-     "an even dead zone is not found where light spreads; expected light that stays in its pixel"},
+    {even_dead_zone, spread, alone,
+     "an even dead zone is found for light that stays in its pixel, and images keep it"},
     // What is left out.
     {edge_heights, reflectance, without,
      "edges lie at slices: the mesh's own heights are not counted below a platform that sends light "

@@ -124,11 +124,6 @@ void check_uncertain(const Setup& setup) {
       refuse(fmt::format("of noise {}; expected no error of noise", where).c_str());
     }
   }
-  if (uv == UvKind::patterned && setup.printer.flat_field) {
-    refuse(
-        "where UV light has a pattern and the display's light is uneven; expected no flat_field, or UV light "
-        "without a pattern");
-  }
   if (uv == UvKind::patterned && setup.uncertainty &&
       setup.uncertainty->sd(UncertainInput::stray) > 0) {
     refuse("of stray light where UV light has a pattern; expected no error of stray");

@@ -49,14 +49,14 @@ FlowDoses flow_doses(const SliceSource& target, const SliceSource* shown, const 
 /// image. Where nothing is lit there is just the UV light that keeps black from curing.
 class EvenUvImages {
  public:
-  /// `process.even_light` of the setup must be there with UV light by place. It and `map`, which is that of the
-  /// display, must outlive this.
-  EvenUvImages(const Setup& setup, const Grid& images, const LightMap& map);
+  /// `process.even_light` of the setup must be there with UV light by place, and outlive this. `images` lie like
+  /// `frame`. Where the UV lamp is uneven each place shows so much more of it that the light is even.
+  EvenUvImages(const Setup& setup, const Grid& images, const ImageFrame& frame);
   std::uint8_t of_black() const { return of_black_; }
   void make_row(int slice, int y, std::span<std::uint8_t> pixels) const;
 
  private:
-  const LightMap& map_;
+  const LightMap map_, uv_map_;                  ///< of the display and of the UV lamp
   std::shared_ptr<const EvenLight> blue_light_;  ///< with curing light in place of UV light
   EvenPixels pixels_, blue_;
   std::array<double, 256> share_of_{};  ///< by pixel, of full curing light, of 255

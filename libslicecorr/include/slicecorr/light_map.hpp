@@ -73,6 +73,9 @@ class LightMap {
   std::int64_t whole_ = 1;
 };
 
+/// The same of the printer's UV lamp ([uv] flat_field). Throws as `LightMap`.
+LightMap uv_light_map(Printer printer, const Grid& images, const ImageFrame& frame);
+
 /// Columns of a band by value of light.
 struct LightGroup {
   std::uint8_t value = 0;

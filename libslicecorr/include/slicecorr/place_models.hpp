@@ -5,7 +5,8 @@
 /// Cure models and doses by place, where a display's light is uneven (light_map.hpp).
 ///
 /// All columns of one value of light have one cure model: that of a printer whose intensities are
-/// value / reference of the calibration.
+/// value / reference of the calibration. Where both lamps are uneven values are classes of places: of pairs of
+/// lights that differ by 0.5 % of either at most, rising by blue over UV light.
 ///
 /// `PlaceModels` is thread-safe: models are made when they are first asked for, and never change. A
 /// `PlaceDose` is for one thread at a time.
@@ -58,18 +59,27 @@ class PlaceModels {
   Printer printer_at(std::uint8_t value) const;
   /// The process as a place of this value sees it: its UV light, where that is uneven.
   Process process_at(std::uint8_t value) const;
-  /// Share of the calibration's curing light that a value stands for; 1 where UV light is uneven.
+  /// Share of the calibration's curing light that a value stands for; 1 where UV light alone is uneven.
   double curing_factor(std::uint8_t value) const;
-  /// Whether the map is of the UV lamp. Its values are turned round: the greatest has the least UV light,
-  /// and so the most dose.
+  /// Whether the map is of the UV lamp, or of both. Its values are turned round: the greatest has the least UV
+  /// light, and so the most dose; of both it has the least UV light over its blue light.
   bool of_uv() const { return of_uv_; }
   /// Share of the UV calibration's light that a value stands for; 1 where the map is of curing light.
   double uv_factor(std::uint8_t value) const;
+  /// Whether places differ in both lights.
+  bool paired() const { return !pairs_.empty(); }
+  /// The blue light that a pattern of UV light is made for, over that of a value: of the place that has most blue
+  /// over its UV light, with the UV light of this one. 1 where light is even.
+  double light_held_of(std::uint8_t value) const;
+  struct Pair {
+    double blue, uv;  ///< shares of the calibrations
+  };
   /// How many UV intensities slices may have in all, so that light is told apart as said above.
   int uv_settings_that_fit() const;
 
  private:
   struct Made;
+  void pair_lights(const Printer& printer, const Grid& images, const ImageFrame& frame);
   Printer printer_;  ///< without its flat-field
   Resin resin_;
   Process process_;
@@ -78,6 +88,7 @@ class PlaceModels {
   int least_ = 1,
       values_ = 1;  ///< of an uneven map under UV light: the least value, and how many there are
   LightMap map_;
+  std::vector<Pair> pairs_;  ///< by value; empty unless both lamps are uneven
   mutable std::array<std::mutex, 256> making_;
   mutable std::array<std::unique_ptr<Made>, 256> made_;
 };

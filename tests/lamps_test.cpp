@@ -447,9 +447,8 @@ TEST_F(UnevenUv, IsRefusedWhereItIsNotCounted) {
   const std::string field = "flat_field = [[0, 1], [2, 0.8]]\n";
   printer("uneven.toml", field);
   // A dead zone is as uneven as light of one intensity.
-  std::ofstream(folder_ / "flows.toml")
-      << "viscosity_pa_s = 0.3\ndose_diffusion_m2_s = 1e-10\n"
-      << std::ifstream(folder_ / "r.toml").rdbuf();
+  std::ofstream(folder_ / "flows.toml") << "viscosity_pa_s = 0.3\ndose_diffusion_m2_s = 1e-10\n"
+                                        << std::ifstream(folder_ / "r.toml").rdbuf();
   const RunResult zone = run_program(
       Command{SLICECORR_BIN_DIR "/slicecorr", "run", "bars.stl", "-o", "x.uvj", "--printer",
               "uneven.toml", "--resin", "flows.toml", "--layer-um", "50", "--speed-mm-h", "300",

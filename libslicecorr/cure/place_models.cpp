@@ -210,15 +210,19 @@ PlaceModels::PlaceModels(const Printer& printer, const Resin& resin, const Proce
   least_ = least;
   values_ = values;
   const int together = values_per_model(*model(map_.greatest()).inhibited(), values);
+  const bool own = !model(map_.greatest()).inhibited()->alike();
   // Edges would lie elsewhere than is told.
   const double off = 0.5 * (together - 1) / std::max(1, least);
   if (off > kMostSharedLight) {
     throw InputError(
         printer.name, of_uv_ ? "uv.flat_field" : "display.flat_field",
         fmt::format(
-            "under UV light of so many intensities its light is told apart to {:.1f} % only; "
-            "expected UV light of one intensity, or a printer without flat_field",
-            100 * off));
+            "under UV light {} its light is told apart to {:.1f} % only; expected {}, or a printer without flat_field",
+            own ? "of slices that each have tables of their own (different heights, a platform that sends light back)"
+                : "of so many intensities",
+            100 * off,
+            own ? "layers of one height and a platform that takes light up"
+                : "UV light of one intensity"));
   }
   map_.coarsen(together);
 }

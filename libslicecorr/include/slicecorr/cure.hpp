@@ -281,8 +281,8 @@ Printer as_lit(const Printer& printer, const Process& process);
 /// The model of a process. `layer_um` is the slice height. Does not ask whether the process is
 /// feasible, nor for the printer's flat-field: `light` says what the place gets (place_models.hpp).
 /// Throws `InputError` as `make_kinetics`, where an exposure or a UV lamp is missing, where the
-/// resin is less deep than a slice, and where it has a depth, or the platform reflects, under UV
-/// light; `InfeasibleError` as `InhibitedKernel`.
+/// resin is less deep than a slice, and where two features of the print do not go together
+/// (supports.hpp); `InfeasibleError` as `InhibitedKernel`.
 CureModel make_cure_model(const Printer& printer, const Resin& resin, const Process& process,
                           double layer_um, const PlaceLight& light = {});
 

@@ -19,6 +19,6 @@ std::unique_ptr<ColumnSolver> make_layer_column(const CorrectionPlan& plan, bool
 
 /// phi of each slice of a column, at the normal exposure, with any light between black and full.
 std::vector<double> solve_layers_exactly(const CorrectionPlan& plan,
-                                         const std::vector<CoverageRun>& runs);
+                                         const std::vector<CoverageRun>& covered);
 
 }  // namespace slicecorr::detail

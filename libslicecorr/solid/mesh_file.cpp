@@ -8,12 +8,12 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <bit>
 #include <cmath>
 #include <cstring>
 #include <filesystem>
 #include <iterator>
-#include <unordered_map>
 
 #include "slicecorr/error.hpp"
 #include "stack/container/zip_output.hpp"
@@ -27,33 +27,76 @@ namespace {
 
 using Point = std::array<float, 3>;
 
-struct PointHash {
-  std::size_t operator()(const Point& p) const {
-    std::uint64_t h = 0;
-    for (const float v : p) {
-      h = (h ^ std::bit_cast<std::uint32_t>(v)) * 0x9E3779B97F4A7C15ULL;
-      h ^= h >> 29;
-    }
-    return static_cast<std::size_t>(h);
-  }
-};
-
 struct Indexed {
   std::vector<Point> points;
   std::vector<std::array<std::uint32_t, 3>> triangles;
 };
 
-Indexed indexed(const Triangles& triangles) {
+/// Numbers of points by the bits of their places, in the order in which they come first: in one table, because a node of
+/// its own for each of millions of points takes most of the time.
+class PointNumbers {
+ public:
+  /// `expected`: how many points there will be about.
+  PointNumbers(std::vector<Point>& points, std::uint64_t expected)
+      : points_(points), slots_(std::bit_ceil(std::max<std::uint64_t>(1024, 2 * expected)), kNone) {
+    points_.reserve(expected);
+  }
+
+  std::uint32_t number(const Point& p) {
+    const std::uint64_t hash = hash_of(p);
+    // Most corners were seen a moment ago.
+    std::uint32_t& recent = recent_[hash >> 52];
+    if (recent != kNone && same(points_[recent], p)) return recent;
+    if (2 * points_.size() >= slots_.size()) widen();
+    std::uint32_t& slot = slots_[place(p, hash)];
+    if (slot == kNone) {
+      slot = static_cast<std::uint32_t>(points_.size());
+      points_.push_back(p);
+    }
+    return recent = slot;
+  }
+
+ private:
+  static constexpr std::uint32_t kNone = ~std::uint32_t{0};
+  static bool same(const Point& p, const Point& q) {
+    return std::memcmp(p.data(), q.data(), sizeof p) == 0;
+  }
+  static std::uint64_t hash_of(const Point& p) {
+    std::uint64_t h = 0;
+    for (const float v : p) {
+      h = (h ^ std::bit_cast<std::uint32_t>(v)) * 0x9E3779B97F4A7C15ULL;
+      h ^= h >> 29;
+    }
+    return h;
+  }
+  /// The slot of a point, or the free one where it belongs.
+  std::size_t place(const Point& p, std::uint64_t hash) const {
+    const std::size_t mask = slots_.size() - 1;
+    std::size_t at = static_cast<std::size_t>(hash) & mask;
+    while (slots_[at] != kNone && !same(points_[slots_[at]], p)) at = (at + 1) & mask;
+    return at;
+  }
+  void widen() {
+    std::fill(slots_.begin(), slots_.end(), kNone);
+    slots_.resize(2 * slots_.size(), kNone);
+    for (std::size_t i = 0; i < points_.size(); ++i) {
+      slots_[place(points_[i], hash_of(points_[i]))] = static_cast<std::uint32_t>(i);
+    }
+  }
+
+  std::vector<Point>& points_;
+  std::vector<std::uint32_t> slots_;  ///< a power of two, at most half of them taken
+  std::vector<std::uint32_t> recent_ = std::vector<std::uint32_t>(4096, kNone);
+};
+
+Indexed indexed(const Triangles& triangles, std::uint64_t count) {
   Indexed mesh;
-  std::unordered_map<Point, std::uint32_t, PointHash> known;
+  mesh.triangles.reserve(count);
+  // A closed surface has half as many corners as triangles.
+  PointNumbers numbers(mesh.points, count / 2 + count / 16);
   triangles([&](const Triangle& t) {
     std::array<std::uint32_t, 3> corners{};
-    for (std::size_t k = 0; k < 3; ++k) {
-      const auto [at, fresh] =
-          known.try_emplace(t[k], static_cast<std::uint32_t>(mesh.points.size()));
-      if (fresh) mesh.points.push_back(t[k]);
-      corners[k] = at->second;
-    }
+    for (std::size_t k = 0; k < 3; ++k) corners[k] = numbers.number(t[k]);
     mesh.triangles.push_back(corners);
   });
   return mesh;
@@ -152,10 +195,10 @@ void write_stl(const std::string& path, std::uint64_t count, const Triangles& tr
   file.finish();
 }
 
-void write_ply(const std::string& path, const Triangles& triangles,
+void write_ply(const std::string& path, std::uint64_t count, const Triangles& triangles,
                const ExecutionContext& context) {
   OutputFile file(path);
-  const Indexed mesh = indexed(triangles);
+  const Indexed mesh = indexed(triangles, count);
   context.check_cancelled();
   const std::string header = fmt::format(
       "ply\nformat binary_little_endian 1.0\ncomment the surface of dose 1, mm, z from the "
@@ -172,10 +215,10 @@ void write_ply(const std::string& path, const Triangles& triangles,
   file.finish();
 }
 
-void write_3mf(const std::string& path, const Triangles& triangles,
+void write_3mf(const std::string& path, std::uint64_t count, const Triangles& triangles,
                const ExecutionContext& context) {
   ZipOutput zip(path);
-  const Indexed mesh = indexed(triangles);
+  const Indexed mesh = indexed(triangles, count);
   context.check_cancelled();
   const auto bytes = [](std::string_view text) {
     return std::vector<std::uint8_t>(text.begin(), text.end());
@@ -237,14 +280,14 @@ void write_triangles(const std::string& path, MeshFormat format, std::uint64_t c
     case MeshFormat::stl:
       return write_stl(path, count, triangles, context);
     case MeshFormat::ply:
-      return write_ply(path, triangles, context);
+      return write_ply(path, count, triangles, context);
     case MeshFormat::three_mf:
-      return write_3mf(path, triangles, context);
+      return write_3mf(path, count, triangles, context);
   }
 }
 
-TriangleMesh merge_corners(const Triangles& triangles) {
-  Indexed merged = indexed(triangles);
+TriangleMesh merge_corners(const Triangles& triangles, std::uint64_t count) {
+  Indexed merged = indexed(triangles, count);
   TriangleMesh mesh;
   mesh.vertices.reserve(merged.points.size());
   for (const Point& p : merged.points) {

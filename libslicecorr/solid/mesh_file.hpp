@@ -25,7 +25,7 @@ using Triangles = std::function<void(const LevelSurface::Sink&)>;
 void write_triangles(const std::string& path, MeshFormat format, std::uint64_t count,
                      const Triangles& triangles, const ExecutionContext& context);
 
-/// Triangles with their corners merged where they are at the same place.
-TriangleMesh merge_corners(const Triangles& triangles);
+/// `count` triangles with their corners merged where they are at the same place.
+TriangleMesh merge_corners(const Triangles& triangles, std::uint64_t count);
 
 }  // namespace slicecorr::detail

@@ -104,6 +104,17 @@ struct Surveyed {
   }
 };
 
+bool wanted(const SolidOptions& options, const Triangle& t) {
+  if (!options.wanted) return true;
+  Point3 low, high;
+  for (std::size_t k = 0; k < 3; ++k) {
+    const auto [least, most] = std::minmax({t[0][k], t[1][k], t[2][k]});
+    low[k] = static_cast<double>(least);
+    high[k] = static_cast<double>(most);
+  }
+  return options.wanted(low, high);
+}
+
 /// One band of samples, from the last slice to the first.
 class BandSurface {
  public:
@@ -324,6 +335,7 @@ class BandSurface {
       return;
     }
     after_.shrink(t);
+    if (!wanted(options_, t)) return;
     surveyed.add(t);
     if (!store_) return;
     waiting_.push_back(t);
@@ -392,10 +404,11 @@ void grow_first_layers(std::vector<std::vector<Triangle>>& low, const detail::Af
     };
   }
   after.grow(all, measure);
-  for (Triangle& t : all) {
-    after.shrink(t);
-    own.add(t);
-  }
+  for (Triangle& t : all) after.shrink(t);
+  all.erase(std::remove_if(all.begin(), all.end(),
+                           [&](const Triangle& t) { return !wanted(options, t); }),
+            all.end());
+  for (const Triangle& t : all) own.add(t);
   if (!surface.store) return;
   std::vector<BlobStore::Blob>& blobs = surface.bands.emplace_back();
   for (std::size_t at = 0; at < all.size(); at += kPiece) {
@@ -494,11 +507,11 @@ SolidSize size_of_solid(const SliceSource& stack, const PlaceModels& models,
     const auto r = surface_of(stack, models, options, ".", "counting triangles", false, context);
     return static_cast<double>(r.report.triangles);
   };
-  const double at8 = count(8), at16 = count(16);
-  // From areas / n² + walls / n at n = 8 and 16; neither is below 0.
+  const double at4 = count(4), at8 = count(8);
+  // From areas / n² + walls / n at n = 4 and 8; neither is below 0.
   SolidSize size;
-  size.of_areas = std::clamp(128 * (at8 - 2 * at16), 0.0, 64 * at8);
-  size.of_walls = 8 * at8 - size.of_areas / 8;
+  size.of_areas = std::clamp(32 * (at4 - 2 * at8), 0.0, 16 * at4);
+  size.of_walls = 4 * at4 - size.of_areas / 4;
   return size;
 }
 
@@ -521,7 +534,7 @@ SolidReport measure_solid(const SliceSource& stack, const PlaceModels& models,
 TriangleMesh solid_mesh(const SliceSource& stack, const PlaceModels& models,
                         const SolidOptions& options, const ExecutionContext& context) {
   const PrintedSurface surface = surface_of(stack, models, options, ".", "surface", true, context);
-  return detail::merge_corners(surface.triangles());
+  return detail::merge_corners(surface.triangles(), surface.report.triangles);
 }
 
 }  // namespace slicecorr

@@ -72,6 +72,31 @@ TEST(ScanDrift, FewOfAQuietLaboratoryLeaveTheBand) {
   EXPECT_LE(d.bands[0].beyond.size(), 26U);
 }
 
+// Names of prints that lie near to each other in the chart would hide each other: one is written, all are pointed at and told.
+TEST(ScanDrift, NamesDoNotOverlap) {
+  const auto written = [](const ScanDrift& d) {
+    const std::string svg = d.to_svg();
+    std::size_t rings = 0, names = 0;
+    for (std::size_t at = 0; (at = svg.find("class=\"ring\"", at)) != std::string::npos; ++at) {
+      ++rings;
+    }
+    for (std::size_t at = 0; (at = svg.find(">scan-", at)) != std::string::npos; ++at) ++names;
+    return std::pair(rings, names - 2 * d.prints.size());  // each point says its own, too
+  };
+  std::vector<double> values;
+  for (int i = 0; i < 20; ++i) values.push_back(i % 2);
+  for (int i = 0; i < 6; ++i) values.push_back(30 + 0.01 * i);
+  const auto [rings, names] = written(scan_drift(prints_of(values), 20));
+  EXPECT_EQ(rings, 12U);
+  // A name and its ring take 9 x 7 + 28 of 540 pixels; prints lie 540 / 26 from each other: every fifth.
+  EXPECT_EQ(names, 4U);
+  values.resize(20);
+  values.insert(values.end(), {30, 60, 90});
+  const auto [apart, each] = written(scan_drift(prints_of(values), 20));
+  EXPECT_EQ(apart, 6U);
+  EXPECT_EQ(each, 6U);
+}
+
 TEST(ScanDrift, ReadsWhatCompareWrote) {
   ScanComparison c;
   c.scan = "folder/scan.ply";

@@ -56,13 +56,41 @@ DriftBand band_of(std::string name, const std::vector<double>& values, std::size
   return band;
 }
 
+constexpr double kPanelHigh = 180;
+
+/// Which prints beyond their band have their names beside them: from the last on, where no other name is. All are named in
+/// the table, and where they are pointed at.
+std::vector<bool> named(const DriftBand& band, const std::vector<DriftPrint>& prints,
+                        const chart::Axis& um) {
+  constexpr double panel_wide = 540, letter_wide = 9, line_high = 20, beside = 28;
+  std::vector<bool> shown(prints.size());
+  std::vector<std::size_t> names;
+  for (std::size_t k = band.beyond.size(); k-- > 0;) {
+    const std::size_t i = band.beyond[k];
+    const bool free = std::none_of(names.begin(), names.end(), [&](std::size_t other) {
+      const auto longest =
+          static_cast<double>(std::max(prints[i].name.size(), prints[other].name.size()));
+      const double x = panel_wide * static_cast<double>(other - i) /
+                       static_cast<double>(prints.size()),
+                   y = kPanelHigh * std::abs(band.values_um[other] - band.values_um[i]) /
+                       (um.high - um.low);
+      return y < line_high && x < letter_wide * longest + beside;
+    });
+    if (!free) continue;
+    shown[i] = true;
+    names.push_back(i);
+  }
+  return shown;
+}
+
 chart::Panel panel_of(const DriftBand& band, const std::vector<DriftPrint>& prints) {
   std::vector<double> seen = band.values_um;
   seen.push_back(band.low_um);
   seen.push_back(band.high_um);
   const double last = static_cast<double>(prints.size());
-  chart::Panel panel({"print", false, 0.5, last + 0.5},
-                     chart::axis_over(band.name + ", um", false, seen), 180);
+  const chart::Axis um = chart::axis_over(band.name + ", um", false, seen);
+  const std::vector<bool> with_name = named(band, prints, um);
+  chart::Panel panel({"print", false, 0.5, last + 0.5}, um, kPanelHigh);
   panel.band({{0.5, band.low_um}, {last + 0.5, band.low_um}},
              {{0.5, band.high_um}, {last + 0.5, band.high_um}}, chart::Style::fit);
   panel.line({{0.5, band.middle_um}, {last + 0.5, band.middle_um}}, chart::Style::reference);
@@ -70,7 +98,7 @@ chart::Panel panel_of(const DriftBand& band, const std::vector<DriftPrint>& prin
     const chart::Point p{static_cast<double>(i + 1), band.values_um[i]};
     panel.point(p, 0, fmt::format("{}: {:+.2f} um", prints[i].name, p.y));
     const bool out = std::find(band.beyond.begin(), band.beyond.end(), i) != band.beyond.end();
-    if (out) panel.ring(p, prints[i].name);
+    if (out) panel.ring(p, with_name[i] ? prints[i].name : std::string());
   }
   return panel;
 }

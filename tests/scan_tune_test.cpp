@@ -11,6 +11,7 @@
 #include <cmath>
 #include <random>
 
+#include "refusal.hpp"
 #include "rounds.hpp"
 #include "scan_lab.hpp"
 #include "slicecorr/error.hpp"
@@ -231,6 +232,30 @@ TEST(ScanTune, WhatWasKnownBeforeCounts) {
   const ScanTuneResult own =
       tune_by_scans({{&scan, &lab.shown, &process}}, lab_setup(), sure, options);
   EXPECT_EQ(own.tuned.x, r.tuned.x);
+}
+
+// What was scanned once counts once, whatever its file is called.
+TEST(ScanTune, AScanCountsOnce) {
+  Scan one, other;
+  one.source = "one.ply";
+  other.source = "other.ply";
+  one.points = {{0, 0, 0}, {1, 2, 3}};
+  other.points = {{0, 0, 0}, {1, 2, 3.000001}};
+  const std::vector<std::string> marks = marks_to_count({one, other}, "name = \"r\"\n", "r.toml");
+  ASSERT_EQ(marks.size(), 2U);
+  EXPECT_NE(marks[0], marks[1]);
+  const std::string counted =
+      "name = \"r\"\n[provenance]\ntuned_by = \"0123456789abcdef, " + marks[1] + "\"\n";
+  EXPECT_EQ(marks_to_count({one}, counted, "r.toml").size(), 1U);
+  EXPECT_NE(refusal([&] {
+              marks_to_count({one, other}, counted, "r.toml");
+            }).find("other.ply: was counted before: 'r.toml'"),
+            std::string::npos);
+  other.points = one.points;
+  EXPECT_NE(refusal([&] {
+              marks_to_count({one, other}, "", "r.toml");
+            }).find("other.ply: is one of the other scans once more"),
+            std::string::npos);
 }
 
 TEST(ScanTune, RefusesNothingAndOtherParts) {

@@ -6,6 +6,7 @@
 
 #include <fmt/format.h>
 
+#include <cmath>
 #include <filesystem>
 #include <memory>
 #include <optional>
@@ -28,6 +29,11 @@ namespace slicecorr::resinctl {
 namespace {
 
 using namespace resins;
+
+/// How often tables and scans are asked at most, and a change of shrinkage, in its standard deviations, that matters to
+/// neither.
+constexpr int kTogetherRounds = 4;
+constexpr double kSameShrinkage = 0.2;
 
 /// How a stack was printed, with these files.
 Setup setup_of(const StackInfo& info, const std::string& printer, const std::string& resin,
@@ -172,6 +178,56 @@ ScanTuneOptions options_of(const cli::TuneOptions& a) {
   return options;
 }
 
+/// What is tuned by.
+struct TogetherAsk {
+  const cli::TuneOptions& options;
+  const ResinToTune& resin;
+  const Printer& printer;
+  std::vector<PrintScan> prints;
+  const Setup& setup;
+};
+struct FoundTogether {
+  ScanTuneResult scans;
+  TunePrior prior;                   ///< before the scans
+  std::string said;                  ///< what tables alone say
+  std::vector<std::string> counted;  ///< marks of tables
+};
+
+/// What tables tell is what is known before the scans, so that the answer is of both. The scans tell how much the resin
+/// shrinks, by which heights in tables are shorter, too: so both are asked again, until that changes no more.
+FoundTogether tables_and_scans(const TogetherAsk& ask, const ExecutionContext& context) {
+  const cli::TuneOptions& a = ask.options;
+  const TunePrior known = known_before(a, ask.resin.text, ask.resin.path, ask.printer);
+  FoundTogether found;
+  Resin shrunk = ask.resin.before;
+  for (int round = 0; round < kTogetherRounds; ++round) {
+    found.prior = known;
+    std::optional<double> lift_exchange;
+    if (!a.tables.empty()) {
+      const MeasuredParts measured = measured_parts(a, ask.printer, shrunk, context);
+      check_not_counted(ask.resin.text, ask.resin.path, measured.as_measured);
+      found.counted.clear();
+      for (const MeasuredPart& part : measured.as_measured) found.counted.push_back(mark_of(part));
+      const TuneResult by_tables =
+          tune(measured.parts, ask.printer, ask.resin.before, known, a.sigma_um);
+      found.said = "tables:\n" + by_tables.to_text(ask.printer, ask.resin.before, known) +
+                   "\ntables and scans:\n";
+      lift_exchange = by_tables.lift_exchange;
+      found.prior = {by_tables.covariance, "what the tables tell, above", by_tables.x};
+    }
+    found.scans = tune_by_scans(ask.prints, ask.setup, found.prior, options_of(a), context);
+    if (!found.scans.tuned.lift_exchange) found.scans.tuned.lift_exchange = lift_exchange;
+    const ScanFinding& z = found.scans.finding(ScanInput::shrinkage_z);
+    const double now = 100 - (100 - ask.resin.before.shrinkage.z_per_cent) * (1 - z.value);
+    if (a.tables.empty() || !z.told() ||
+        std::abs(now - shrunk.shrinkage.z_per_cent) < 100 * kSameShrinkage * z.sd) {
+      break;
+    }
+    shrunk.shrinkage.z_per_cent = now;
+  }
+  return found;
+}
+
 }  // namespace
 
 int forecast_scans_command(const cli::TuneOptions& a, const ExecutionContext& context) {
@@ -185,7 +241,7 @@ int forecast_scans_command(const cli::TuneOptions& a, const ExecutionContext& co
   const std::string printer_path = find_definition(a.printer, "printer");
   const Printer printer = load_printer(printer_path);
   refuse_relative(printer, "what is known of stray light before tuning");
-  const TunePrior prior = prior_of(read_text_file(resin_path), resin_path, printer);
+  const TunePrior prior = known_before(a, read_text_file(resin_path), resin_path, printer);
   std::vector<ScanForecast> parts;
   for (const std::string& path : a.stacks) {
     const Printed p = printed_of(a, path, printer_path, resin_path, context);
@@ -213,33 +269,25 @@ int tune_by_scans_command(const cli::TuneOptions& a, const ExecutionContext& con
   const Printer printer = load_printer(printer_path);
   refuse_relative(printer, "what is known of stray light before tuning");
   const std::string text = read_text_file(resin_path);
-  const Resin resin = parse_resin(text, resin_path);
-  TunePrior prior = prior_of(text, resin_path, printer);
-  std::string said;
-  std::optional<double> lift_exchange;
-  if (!a.tables.empty()) {
-    // What they tell is what is known before the scans: both together in one answer.
-    const TuneResult by_tables =
-        tune(measured_parts(a, printer, resin, context).parts, printer, resin, prior, a.sigma_um);
-    said = "tables:\n" + by_tables.to_text(printer, resin, prior) + "\ntables and scans:\n";
-    lift_exchange = by_tables.lift_exchange;
-    prior = {by_tables.covariance, "what the tables tell, above", by_tables.x};
-  }
   std::vector<Printed> prints;
   for (const std::string& path : a.stacks)
     prints.push_back(printed_of(a, path, printer_path, resin_path, context));
   const std::vector<Scan> scans = read_scans(a, prints, context);
-  ScanTuneResult found =
-      tune_by_scans(paired(scans, prints), prints[0].setup, prior, options_of(a), context);
-  if (!found.tuned.lift_exchange) found.tuned.lift_exchange = lift_exchange;
+  std::vector<std::string> counted = marks_to_count(scans, text, resin_path);
+  const ResinToTune tuned{resin_path, text, parse_resin(text, resin_path), a.output};
+  FoundTogether together =
+      tables_and_scans({a, tuned, printer, paired(scans, prints), prints[0].setup}, context);
+  ScanTuneResult& found = together.scans;
+  found.tuned.counted = std::move(together.counted);
+  found.tuned.counted.insert(found.tuned.counted.end(), counted.begin(), counted.end());
   Printer renamed = printer;
   if (!printer_output.empty()) renamed.name = name_in_file(printer_output, printer.name);
-  write_tuned({resin_path, text, resin, a.output}, {printer_path, renamed, printer_output},
-              found.tuned, console);
-  cli::print_result(said + found.to_text(printer, resin, prior) +
-                    next_text(next_parts(printer, resin, found.tuned, prints[0].setup.process,
-                                         prints[0].stack->grid().layer_um, a.sigma_um),
-                              a.sigma_um));
+  write_tuned(tuned, {printer_path, renamed, printer_output}, found.tuned, console);
+  cli::print_result(
+      together.said + found.to_text(printer, tuned.before, together.prior) +
+      next_text(next_parts(printer, tuned.before, found.tuned, prints[0].setup.process,
+                           prints[0].stack->grid().layer_um, a.sigma_um),
+                a.sigma_um));
   if (!a.next.empty()) {
     const bool other_light = a.other_wavelength && a.other_wavelength->count() > 0;
     correct_next(a, prints[0],

@@ -20,12 +20,17 @@ std::string printer_output_of(const cli::TuneOptions& a);
 
 /// Tables of parts, with the light of what was printed.
 struct MeasuredParts {
-  std::vector<resins::MeasuredPart> parts;
-  std::optional<Process> process;  ///< of the last that was printed
-  double layer_um = 50;            ///< of the last
+  std::vector<resins::MeasuredPart> parts;        ///< heights as they were before the resin shrank
+  std::vector<resins::MeasuredPart> as_measured;  ///< by which what was counted is known again
+  std::optional<Process> process;                 ///< of the last that was printed
+  double layer_um = 50;                           ///< of the last
 };
 MeasuredParts measured_parts(const cli::TuneOptions& a, const Printer& printer, const Resin& resin,
                              const ExecutionContext& context);
+
+/// What is known before anything was measured here.
+resins::TunePrior known_before(const cli::TuneOptions& a, const std::string& resin_text,
+                               const std::string& resin_path, const Printer& printer);
 
 struct ResinToTune {
   std::string path, text;

@@ -80,6 +80,7 @@ MeasuredParts measured_parts(const cli::TuneOptions& a, const Printer& printer, 
   for (const std::string& path : a.tables) {
     TuningTable table = read_tuning_table(path);
     all.layer_um = table.part.layer_um;
+    all.as_measured.push_back(table.part);
     // As high as it was before it shrank.
     for (MeasuredEdge& edge : table.part.edges) edge.measured_um /= resin.shrinkage.left(2);
     if (table.printed()) {
@@ -98,6 +99,14 @@ MeasuredParts measured_parts(const cli::TuneOptions& a, const Printer& printer, 
                     resin.shrinkage.z_per_cent));
   }
   return all;
+}
+
+TunePrior known_before(const cli::TuneOptions& a, const std::string& resin_text,
+                       const std::string& resin_path, const Printer& printer) {
+  // Laboratories that measured one resin lie far apart: one part measured here says more than all of them.
+  return cli::database_band(a.resin).empty()
+             ? prior_of(resin_text, resin_path, printer)
+             : foreign_prior(cli::kDatabaseHeightSd, cli::kDatabaseDoseSd);
 }
 
 std::string next_text(const std::vector<NextPart>& parts, double sigma_um) {
@@ -244,11 +253,8 @@ int tune_command(const cli::TuneOptions& a, const ExecutionContext& context,
   Resin measured = resin;
   measured.tuned_with.clear();
   for (const std::string& told : a.light.checked(printer, measured)) console.say(told);
-  // Laboratories that measured one resin lie far apart: one part measured here says more than all of them.
-  const TunePrior prior = cli::database_band(a.resin).empty()
-                              ? prior_of(text, resin_path, printer)
-                              : foreign_prior(cli::kDatabaseHeightSd, cli::kDatabaseDoseSd);
-  const auto [parts, process, layer_um] = measured_parts(a, printer, resin, context);
+  const TunePrior prior = known_before(a, text, resin_path, printer);
+  const auto [parts, as_measured, process, layer_um] = measured_parts(a, printer, resin, context);
   if (parts.empty()) {
     if (!a.output.empty() || !a.printer_output.empty()) {
       throw InputError("nothing was measured: there is nothing to write; expected tables");
@@ -260,9 +266,9 @@ int tune_command(const cli::TuneOptions& a, const ExecutionContext& context,
         next_text(next_parts(printer, resin, nothing, process, layer_um, a.sigma_um), a.sigma_um));
     return cli::kDone;
   }
-  check_not_counted(text, resin_path, parts);
+  check_not_counted(text, resin_path, as_measured);
   TuneResult found = tune(parts, printer, resin, prior, a.sigma_um);
-  for (const MeasuredPart& part : parts) found.counted.push_back(mark_of(part));
+  for (const MeasuredPart& part : as_measured) found.counted.push_back(mark_of(part));
   Printer renamed = printer;
   if (!printer_output.empty()) renamed.name = name_in_file(printer_output, printer.name);
   write_tuned({resin_path, text, resin, a.output}, {printer_path, renamed, printer_output}, found,

@@ -7,15 +7,19 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
+#include <bit>
 #include <cmath>
 #include <cstdint>
 #include <filesystem>
 #include <map>
+#include <string_view>
 
 #include "database/schema.hpp"
 #include "database/toml_edit.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/light_unit.hpp"
+#include "slicecorr/resins/scan_tune.hpp"
 #include "slicecorr/same_light.hpp"
 #include "slicecorr/tuned_together.hpp"
 #include "slicecorr/units.hpp"
@@ -47,19 +51,68 @@ std::string counted_before(const std::string& text, const std::string& source) {
   return provenance && provenance->has(kCounted) ? provenance->text(kCounted, "") : std::string();
 }
 
+/// FNV-1a, of 64 bits.
+class Mark {
+ public:
+  void add(std::string_view bytes) {
+    for (const char c : bytes) mark_ = (mark_ ^ static_cast<unsigned char>(c)) * 0x100000001b3;
+  }
+  std::string text() const { return fmt::format("{:016x}", mark_); }
+
+ private:
+  std::uint64_t mark_ = 0xcbf29ce484222325;
+};
+
+void refuse_counted(const std::string& before, const std::string& mark, const std::string& measured,
+                    const std::string& resin_source) {
+  if (before.find(mark) == std::string::npos) return;
+  throw InputError(
+      measured, "",
+      fmt::format(
+          "was counted before: '{}' was tuned by these measurements (provenance.{}), and counted "
+          "again they would seem to say more than they do; expected new ones, or the resin file "
+          "from before",
+          resin_source, kCounted));
+}
+
 }  // namespace
 
 std::string mark_of(const MeasuredPart& part) {
-  // FNV-1a, of 64 bits.
-  std::uint64_t mark = 0xcbf29ce484222325;
+  Mark mark;
   for (const MeasuredEdge& e : part.edges) {
     if (std::isnan(e.measured_um)) continue;
-    const std::string said =
-        fmt::format("{} {:.9g} {:.9g} {:.9g} {:.9g};", static_cast<int>(e.kind), e.designed_um,
-                    e.exposure_s, e.intensity_mw_cm2, e.measured_um);
-    for (const char c : said) mark = (mark ^ static_cast<unsigned char>(c)) * 0x100000001b3;
+    mark.add(fmt::format("{} {:.9g} {:.9g} {:.9g} {:.9g};", static_cast<int>(e.kind), e.designed_um,
+                         e.exposure_s, e.intensity_mw_cm2, e.measured_um));
   }
-  return fmt::format("{:016x}", mark);
+  return mark.text();
+}
+
+std::string mark_of(const Scan& scan) {
+  Mark mark;
+  for (const Point3& p : scan.points) {
+    for (const double c : p) {
+      const auto bytes = std::bit_cast<std::array<char, sizeof c>>(c);
+      mark.add({bytes.data(), bytes.size()});
+    }
+  }
+  return mark.text();
+}
+
+std::vector<std::string> marks_to_count(const std::vector<Scan>& scans,
+                                        const std::string& resin_text,
+                                        const std::string& resin_source) {
+  const std::string before = counted_before(resin_text, resin_source);
+  std::vector<std::string> marks;
+  for (const Scan& scan : scans) {
+    std::string mark = mark_of(scan);
+    refuse_counted(before, mark, scan.source, resin_source);
+    if (std::find(marks.begin(), marks.end(), mark) != marks.end()) {
+      throw InputError(scan.source, "",
+                       "is one of the other scans once more; expected each scan once");
+    }
+    marks.push_back(std::move(mark));
+  }
+  return marks;
 }
 
 void check_not_counted(const std::string& resin_text, const std::string& resin_source,
@@ -73,14 +126,7 @@ void check_not_counted(const std::string& resin_text, const std::string& resin_s
                        fmt::format("holds the same measurements as {}; expected each table once",
                                    first->second));
     }
-    if (before.find(mark_of(part)) == std::string::npos) continue;
-    throw InputError(
-        part.source, "",
-        fmt::format(
-            "was counted before: '{}' was tuned by these measurements (provenance.{}), and counted "
-            "again they would seem to say more than they do; expected new ones, or the resin file "
-            "from before",
-            resin_source, kCounted));
+    refuse_counted(before, mark_of(part), part.source, resin_source);
   }
 }
 

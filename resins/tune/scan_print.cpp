@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "slicecorr/place_models.hpp"
+#include "tune/near_places.hpp"
 
 namespace slicecorr::resins {
 
@@ -16,8 +17,13 @@ namespace {
 
 /// To which surfaces are known where they move by less, mm: vertices are rounded to a thousandth of a layer.
 constexpr double kRoundingMm = 3e-4;
-/// Of a predicted surface that is held at once: 100 bytes each.
-constexpr double kMostTriangles = 4e6;
+/// Where an input changes by a step of its difference, surfaces that have a derivative move by less: so many pixels, and
+/// mm.
+constexpr double kMovesPixels = 4, kMovesMm = 0.2;
+/// A surface is sought so many times as far from points as 95 % of them lie from it.
+constexpr double kAsideTimes = 4;
+/// Where fewer points than this share of what it was have a surface that near, all that is within reach is drawn.
+constexpr double kLostShare = 0.98;
 /// Steepness below which first layers stand out less than walls do (as solid/after_print.cpp has it).
 constexpr double kWallSteep = 0.5;
 
@@ -47,7 +53,7 @@ Vector3d way_of(const Point3& p, const NearestPlace& near) {
 }  // namespace
 
 ScanPrint::ScanPrint(const PrintScan& print, const Setup& setup, const ScanInputs& inputs,
-                     std::size_t most_points, const ExecutionContext& context)
+                     const ScanTuneOptions& options, const ExecutionContext& context)
     : shown_(*print.shown), setup_(setup), inputs_(inputs) {
   if (print.process) setup_.process = *print.process;
   ScanVector mean{};
@@ -56,9 +62,9 @@ ScanPrint::ScanPrint(const PrintScan& print, const Setup& setup, const ScanInput
   }
   const Setup begin = inputs.setup_at(setup_, mean);
   const SolidSize size = size_of_solid(shown_, models_of(shown_, setup_), context);
-  strips_ = std::max(1, static_cast<int>(std::ceil(size.triangles(1) / kMostTriangles)));
+  strips_ = std::max(1, static_cast<int>(std::ceil(size.triangles(1) / options.most_triangles)));
   SolidOptions coarse;
-  coarse.reduce = size.reduction(kMostTriangles);
+  coarse.reduce = size.reduction(options.most_triangles);
   {
     const TriangleMesh surface = solid_mesh(shown_, models_of(shown_, begin), coarse, context);
     registration_ = register_scan(*print.scan, surface, MeshDistance(surface), context);
@@ -70,7 +76,8 @@ ScanPrint::ScanPrint(const PrintScan& print, const Setup& setup, const ScanInput
     middle_ = {0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1]), 0};
   }
   reach_ = 1e-3 * registration_.reach_um;
-  const std::size_t all = print.scan->points.size(), taken = std::min(most_points, all);
+  aside_ = reach_;
+  const std::size_t all = print.scan->points.size(), taken = std::min(options.points, all);
   for (std::size_t i = 0; i < taken; ++i) {
     points_.push_back(print.scan->points[i * all / taken]);
     if (registration_.sided) normals_.push_back(print.scan->normals[i * all / taken]);
@@ -89,20 +96,10 @@ Point3 ScanPrint::unshrunk(std::size_t i, const ScanVector& change) const {
 
 std::vector<ScanPrint::Strip> ScanPrint::strips(const ScanVector& change) const {
   std::vector<Strip> strips(static_cast<std::size_t>(strips_));
-  if (strips_ == 1) {
-    for (std::size_t i = 0; i < points_.size(); ++i) strips[0].points.push_back(i);
-    return strips;
-  }
-  const Grid& g = shown_.grid();
   const PixelBox lit = shown_.bounds();
   const double each = static_cast<double>(lit.height()) / strips_;
-  // Far enough that no point of a strip has its nearest place beyond it; a file's shrinkage moves rows a little.
-  const double pixel_mm = 1e-3 * std::min(g.pixel_x_um, g.pixel_y_um);
-  const int beside = static_cast<int>(std::ceil(1.2 * reach_ / pixel_mm)) + 8;
   for (int s = 0; s < strips_; ++s) {
-    const double from = lit.y0 + s * each;
-    strips[static_cast<std::size_t>(s)].rows = {static_cast<int>(from) - beside,
-                                                static_cast<int>(from + each) + 1 + beside};
+    strips[static_cast<std::size_t>(s)].rows = {lit.y0 + s * each, lit.y0 + (s + 1) * each};
   }
   for (std::size_t i = 0; i < points_.size(); ++i) {
     const Point3 p = unshrunk(i, change);
@@ -113,33 +110,81 @@ std::vector<ScanPrint::Strip> ScanPrint::strips(const ScanVector& change) const 
 }
 
 std::optional<MeshDistance> ScanPrint::predicted(const ScanVector& change, const Strip& strip,
+                                                 const Around& around,
                                                  const ExecutionContext& context) const {
   SolidOptions options;
-  options.rows = strip.rows;
+  if (strips_ > 1) {
+    // Far enough that no point of a strip has its nearest place beyond it; a file's shrinkage moves rows a little.
+    const Grid& g = shown_.grid();
+    const double beside =
+        std::ceil(1.2e3 * around.within_mm / std::min(g.pixel_x_um, g.pixel_y_um)) + 8;
+    options.rows = {static_cast<int>(strip.rows[0] - beside),
+                    static_cast<int>(strip.rows[1] + beside) + 1};
+  }
+  const NearPlaces near(around.places, around.within_mm);
+  options.wanted = [&](const Point3& low, const Point3& high) { return near.meets(low, high); };
   const TriangleMesh mesh =
       solid_mesh(shown_, models_of(shown_, inputs_.setup_at(setup_, change)), options, context);
   if (mesh.triangles.empty()) return {};
   return MeshDistance(mesh);
 }
 
+void ScanPrint::begin_rows(const std::vector<Strip>& strips, const ScanState& state,
+                           std::vector<ScanRow>& rows, const ExecutionContext& context) const {
+  std::fill(rows.begin(), rows.end(), ScanRow{});
+  for (const Strip& strip : strips) {
+    if (strip.points.empty()) continue;
+    Around around{{}, aside_};
+    for (const std::size_t i : strip.points) around.places.push_back(unshrunk(i, state.change));
+    const std::optional<MeshDistance> now = predicted(state.change, strip, around, context);
+    if (!now) continue;
+    over_points(strip.points, context, [&](std::size_t i) { begin_row(*now, state, i, rows[i]); });
+  }
+}
+
+double ScanPrint::least_aside_mm(const ScanState& state) const {
+  const Grid& g = shown_.grid();
+  const double moves =
+      std::max(kMovesMm, 1e-3 * kMovesPixels * std::max(g.pixel_x_um, g.pixel_y_um));
+  // What is beside a point is looked at, too.
+  return std::min(reach_, std::max(moves, 6 * state.flat_mm + 0.05));
+}
+
+/// How far surfaces are sought from points from now on.
+void ScanPrint::look_aside(const ScanState& state, const std::vector<ScanRow>& rows) {
+  std::vector<double> off;
+  for (const ScanRow& row : rows) {
+    if (row.near_mm >= 0) off.push_back(row.near_mm);
+  }
+  found_ = std::max(found_, off.size());
+  if (off.empty()) return;
+  const auto most =
+      off.begin() + static_cast<std::ptrdiff_t>(0.95 * static_cast<double>(off.size() - 1));
+  std::nth_element(off.begin(), most, off.end());
+  aside_ = std::clamp(kAsideTimes * *most, least_aside_mm(state), reach_);
+}
+
 std::vector<ScanRow> ScanPrint::rows(const ScanState& state, const ExecutionContext& context) {
   std::vector<ScanRow> rows(points_.size());
-  if (state.anew) std::fill(derived_.begin(), derived_.end(), Derived{});
-  for (const Strip& strip : strips(state.change)) {
-    if (strip.points.empty()) continue;
-    {
-      const std::optional<MeshDistance> now = predicted(state.change, strip, context);
-      if (!now) continue;
-      over_points(strip.points, context,
-                  [&](std::size_t i) { begin_row(*now, state, i, rows[i]); });
-    }
-    if (state.anew) derive(strip, state, rows, context);
-    for (const std::size_t i : strip.points) {
-      ScanRow& row = rows[i];
-      row.counts = row.counts && derived_[i].state == Derived::State::good;
-      for (std::size_t k = 0; k < kScanInputs; ++k) {
-        if (inputs_.predicted(k)) row.by[k] = static_cast<double>(derived_[i].by[k]);
-      }
+  const std::vector<Strip> all = strips(state.change);
+  aside_ = std::max(aside_, least_aside_mm(state));
+  begin_rows(all, state, rows, context);
+  const auto found =
+      std::count_if(rows.begin(), rows.end(), [](const ScanRow& row) { return row.near_mm >= 0; });
+  if (aside_ < reach_ && static_cast<double>(found) < kLostShare * static_cast<double>(found_)) {
+    aside_ = reach_;
+    begin_rows(all, state, rows, context);
+  }
+  look_aside(state, rows);
+  if (state.anew) {
+    std::fill(derived_.begin(), derived_.end(), Derived{});
+    for (const Strip& strip : all) derive(strip, state, rows, context);
+  }
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    ScanRow& row = rows[i];
+    row.counts = row.counts && derived_[i].state == Derived::State::good;
+    for (std::size_t k = 0; k < kScanInputs; ++k) {
+      if (inputs_.predicted(k)) row.by[k] = static_cast<double>(derived_[i].by[k]);
     }
   }
   return rows;
@@ -147,9 +192,13 @@ std::vector<ScanRow> ScanPrint::rows(const ScanState& state, const ExecutionCont
 
 void ScanPrint::derive(const Strip& strip, const ScanState& state, const std::vector<ScanRow>& rows,
                        const ExecutionContext& context) {
+  Around around{{}, least_aside_mm(state)};
   for (const std::size_t i : strip.points) {
-    if (rows[i].counts) derived_[i].state = Derived::State::good;
+    if (!rows[i].counts) continue;
+    derived_[i].state = Derived::State::good;
+    around.places.push_back(rows[i].place);
   }
+  if (around.places.empty()) return;
   for (std::size_t k = 0; k < kScanInputs; ++k) {
     if (!inputs_.predicted(k)) continue;
     const std::array<double, 2> steps = inputs_.steps(k, state.change[k]);
@@ -158,11 +207,11 @@ void ScanPrint::derive(const Strip& strip, const ScanState& state, const std::ve
       if (!(steps[side] > 0)) continue;
       ScanVector there = state.change;
       there[k] += side ? steps[1] : -steps[0];
-      const std::optional<MeshDistance> other = predicted(there, strip, context);
+      const std::optional<MeshDistance> other = predicted(there, strip, around, context);
       over_points(strip.points, context, [&](std::size_t i) {
         if (!rows[i].counts) return;
         const auto near =
-            other ? other->nearest(rows[i].place, reach_) : std::optional<NearestPlace>{};
+            other ? other->nearest(rows[i].place, around.within_mm) : std::optional<NearestPlace>{};
         off[i][side] = near ? near->signed_mm : 2 * reach_;
       });
     }
@@ -188,8 +237,9 @@ void ScanPrint::begin_row(const MeshDistance& now, const ScanState& state, std::
                           ScanRow& row) const {
   // As long as it would be had it not shrunk.
   const Point3 p = unshrunk(i, state.change);
-  const auto near = now.nearest(p, reach_);
+  const auto near = now.nearest(p, aside_);
   if (!near) return;
+  row.near_mm = std::abs(near->signed_mm);
   const Vector3d normal = vector_of(near->normal);
   if (!normals_.empty() && vector_of(registration_.pose.turned(normals_[i])).dot(normal) < -0.2) {
     return;

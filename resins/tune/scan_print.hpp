@@ -26,7 +26,8 @@ struct ScanRow {
   std::array<double, kRowUnknowns> by{};  ///< of the distance, mm
   double off_mm = 0;
   bool counts = false;
-  bool apart = false;  ///< lies where something else sticks to the surface: pulls at nothing
+  double near_mm = -1;  ///< how far the surface is from the point; below 0 where there is none
+  bool apart = false;   ///< lies where something else sticks to the surface: pulls at nothing
 };
 
 /// What rows are asked for at.
@@ -43,7 +44,7 @@ class ScanPrint {
  public:
   /// Throws as `register_scan`.
   ScanPrint(const PrintScan& print, const Setup& setup, const ScanInputs& inputs,
-            std::size_t most_points, const ExecutionContext& context);
+            const ScanTuneOptions& options, const ExecutionContext& context);
 
   std::vector<ScanRow> rows(const ScanState& state, const ExecutionContext& context);
   /// Turned about `middle`, then shifted.
@@ -60,14 +61,25 @@ class ScanPrint {
     enum class State : std::uint8_t { unknown, good, comes_and_goes } state = State::unknown;
   };
   struct Strip {
-    std::optional<std::array<int, 2>> rows;  ///< nothing: all of the image
+    std::array<double, 2> rows{};  ///< of the image
     std::vector<std::size_t> points;
+  };
+  /// Where a surface is needed.
+  struct Around {
+    std::vector<Point3> places;
+    double within_mm = 0;
   };
   std::vector<Strip> strips(const ScanVector& change) const;
   std::optional<MeshDistance> predicted(const ScanVector& change, const Strip& strip,
+                                        const Around& around,
                                         const ExecutionContext& context) const;
+  /// All rows without what is predicted to move them, of surfaces within `aside_mm` of points.
+  void begin_rows(const std::vector<Strip>& strips, const ScanState& state,
+                  std::vector<ScanRow>& rows, const ExecutionContext& context) const;
   void begin_row(const MeshDistance& now, const ScanState& state, std::size_t i,
                  ScanRow& row) const;
+  double least_aside_mm(const ScanState& state) const;
+  void look_aside(const ScanState& state, const std::vector<ScanRow>& rows);
   void derive(const Strip& strip, const ScanState& state, const std::vector<ScanRow>& rows,
               const ExecutionContext& context);
   Point3 unshrunk(std::size_t i, const ScanVector& change) const;
@@ -83,6 +95,8 @@ class ScanPrint {
   Registration registration_;
   Point3 middle_{};
   double diagonal_ = 0, reach_ = 0;
+  double aside_ = 0;       ///< surfaces are sought so far from points, mm: at most `reach_`
+  std::size_t found_ = 0;  ///< points that had a surface so near, when they were most
   int strips_ = 1;
 };
 

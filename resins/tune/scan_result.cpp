@@ -16,6 +16,8 @@ namespace {
 
 /// Share of the deviations beyond which an answer is doubted.
 constexpr double kDoubtedShare = 0.1;
+/// What stays off by less is no matter of a print, um.
+constexpr double kDoubtedUm = 1;
 
 /// What of these prints was taken for what the files say, and what tells it.
 std::string not_sought(const ScanTuneResult& r, const Printer& printer) {
@@ -77,10 +79,15 @@ std::string ScanTuneResult::to_text(const Printer& printer, const Resin& resin,
   out += fmt::format(
       "the surface is off by {:.3g} um rms before and {:.3g} um after: {:.3g} % of it stays unexplained\n",
       before_um, after_um, 100 * share);
-  if (share > kDoubtedShare) {
+  if (share > kDoubtedShare && after_um > kDoubtedUm) {
     out +=
         "more than a tenth stays unexplained: something else is off, and what was found may stand for it; don't print by "
         "the new files before you know what (scan compare shows where)\n";
+  }
+  if (finding(ScanInput::dead_zone).sought) {
+    out +=
+        "under UV light edges stay at layers and jump to the next: what is true may lie beyond these intervals, beta "
+        "by some per cent\n";
   }
   if (tuned.shrinkage) {
     out += fmt::format("the resin {}: slices of meshes count it from now on\n",

@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <map>
 #include <optional>
 
@@ -29,7 +30,8 @@ using Eigen::VectorXd;
 
 constexpr std::size_t kShrinkPlane = at(ScanInput::shrinkage_plane),
                       kShrinkZ = at(ScanInput::shrinkage_z),
-                      kFirstLayers = at(ScanInput::first_layers);
+                      kFirstLayers = at(ScanInput::first_layers),
+                      kDeadZone = at(ScanInput::dead_zone);
 constexpr auto kInputs = static_cast<Index>(kScanInputs);
 constexpr auto kOwn = static_cast<Index>(kRowUnknowns);
 /// The least noise that points are believed to have, mm: edges of predicted surfaces are as sharp.
@@ -39,6 +41,11 @@ constexpr std::size_t kMostUnexplained = 5;
 constexpr std::size_t kLeastInCube = 8;
 /// Derivatives are taken anew where an input moved by more than this share of its scale; near to the answer by less.
 constexpr double kStraight = 0.25, kStraightAtLast = 0.05;
+/// Points count at most this share of the diagonal away from edges.
+constexpr double kMostFlat = 0.02;
+/// Where searches for the dead zone begin, as changes of the logarithm of beta, and how long the short ones are.
+constexpr std::array<double, 5> kDeadZoneBegins{0, 0.1, -0.1, 0.2, -0.2};
+constexpr int kShortRounds = 4;
 /// How far inputs may still move: so many squares of their last step.
 constexpr double kStillMoves = 4;
 
@@ -56,33 +63,19 @@ class ScanFit {
         theta_(inputs_.mean()) {
     quiet_.progress = nullptr;
     prints_.reserve(prints.size());
-    for (const PrintScan& p : prints)
-      prints_.emplace_back(p, setup, inputs_, options.points, quiet_);
+    for (const PrintScan& p : prints) prints_.emplace_back(p, setup, inputs_, options, quiet_);
   }
 
   ScanTuneResult solve(int rounds) {
-    ScanTuneResult result;
+    const bool several = inputs_.sought(kDeadZone);
+    rounds_ = rounds + (several ? static_cast<int>(kDeadZoneBegins.size()) * kShortRounds : 0);
+    if (several) begin_where_most_is_explained(rounds);
     for (int round = 0; round < rounds; ++round) {
-      context_.report("tuning by scans", static_cast<double>(round) / rounds);
-      linearise();
-      if (round == 0) result.before_um = 1e3 * smooth_mm();
-      // Far from the answer, most points may fit although what tells an input does not.
-      noise_mm_ = last_ ? noise() : std::max(noise(), smooth_mm());
-      const VectorXd step = solve_step();
-      take(step);
-      // A tenth of a standard deviation before is less than what linear surfaces are right to.
-      double most = 0;
-      for (Index k = 0; k < kInputs; ++k) {
-        most = std::max(most, std::abs(step[k]) / std::sqrt(before_(k, k)));
-      }
-      if (most < 0.01 && last_) break;
-      trust_ = std::min(trust_, kStillMoves * most * most);
-      // Only near to the answer may what lies far off be forgotten: far from it, that is the whole of what is off.
-      last_ = last_ || most < 0.03 || 2 * round > rounds;
-      if (last_) noise_mm_ = noise();
+      if (round_ends(round, rounds)) break;
     }
     last_ = true;
     linearise();
+    ScanTuneResult result;
     finish(result);
     context_.report("tuning by scans", 1);
     return result;
@@ -100,6 +93,59 @@ class ScanFit {
     });
   }
 
+  /// Under UV light edges stay at layers and jump to the next, so a search may end beside the answer. Where the dead zone
+  /// is sought, short searches from several of it say where the long one begins.
+  void begin_where_most_is_explained(int rounds) {
+    const std::vector<ScanPrint> placed = prints_;
+    const auto restart = [&](double dead_zone) {
+      prints_.clear();
+      for (const ScanPrint& print : placed) prints_.push_back(print);
+      theta_ = inputs_.mean();
+      theta_[static_cast<Index>(kDeadZone)] += dead_zone;
+      derived_at_.reset();
+      last_ = false;
+      trust_ = 1;
+    };
+    double best = 0, least_mm = std::numeric_limits<double>::infinity();
+    for (const double dead_zone : kDeadZoneBegins) {
+      restart(dead_zone);
+      try {
+        for (int round = 0; round < kShortRounds; ++round) round_ends(round, rounds);
+        linearise();
+      } catch (const InputError&) {
+        continue;  // nothing prints there that was scanned
+      }
+      const double left_mm = smooth().off_mm;
+      if (left_mm >= least_mm) continue;
+      least_mm = left_mm;
+      best = dead_zone;
+    }
+    restart(best);
+  }
+
+  /// Whether nothing changes any more.
+  bool round_ends(int round, int rounds) {
+    context_.report("tuning by scans", static_cast<double>(done_++) / rounds_);
+    linearise();
+    const Smooth smooth_now = smooth();
+    if (!smooth_before_) smooth_before_ = smooth_now;
+    // Far from the answer, most points may fit although what tells an input does not.
+    noise_mm_ = last_ ? noise() : std::max(noise(), smooth_now.off_mm);
+    const VectorXd step = solve_step();
+    take(step);
+    double most = 0, of_before = 0;
+    for (Index k = 0; k < kInputs; ++k) {
+      most = std::max(most, std::abs(step[k]) / straight_over(k));
+      of_before = std::max(of_before, std::abs(step[k]) / std::sqrt(before_(k, k)));
+    }
+    if (most < 0.01 && last_) return true;
+    trust_ = std::min(trust_, kStillMoves * of_before * of_before);
+    // Only near to the answer may what lies far off be forgotten: far from it, that is the whole of what is off.
+    last_ = last_ || most < 0.03 || 2 * round > rounds;
+    if (last_) noise_mm_ = noise();
+    return false;
+  }
+
   ScanVector change() const {
     ScanVector all{};
     std::copy(theta_.begin(), theta_.end(), all.begin());
@@ -108,10 +154,14 @@ class ScanFit {
 
   /// Points with their distances and derivatives at what is believed now.
   void linearise() {
-    ScanState state{change(), !straight(), last_ ? 3 * noise_mm_ : 0};
+    ScanState state{change(), !straight(), 0};
     if (state.anew) derived_at_ = theta_;
     rows_.clear();
-    for (ScanPrint& print : prints_) rows_.push_back(print.rows(state, quiet_));
+    for (ScanPrint& print : prints_) {
+      // Where much is off that nothing explains, a part would be all edges.
+      if (last_) state.flat_mm = std::min(3 * noise_mm_, kMostFlat * print.diagonal_mm());
+      rows_.push_back(print.rows(state, quiet_));
+    }
     if (last_) set_apart();
   }
 
@@ -241,12 +291,17 @@ class ScanFit {
       b[i] = held;
       step = a.ldlt().solve(b);
     }
-    // Surfaces are believed to be linear over a standard deviation and a half before.
+    // Surfaces are believed to be linear over one and a half times that.
     double most = 1;
     for (Index k = 0; k < kInputs; ++k) {
-      most = std::max(most, std::abs(step[k]) / (1.5 * std::sqrt(before_(k, k))));
+      most = std::max(most, std::abs(step[k]) / (1.5 * straight_over(k)));
     }
     return step / most;
+  }
+
+  /// A change of an input over which surfaces are straight: what is known before, where that is not far more than usual.
+  double straight_over(Index k) const {
+    return std::min(inputs_.scale(static_cast<std::size_t>(k)), std::sqrt(before_(k, k)));
   }
 
   void take(const VectorXd& step) {
@@ -288,14 +343,24 @@ class ScanFit {
     }
     return found;
   }
-  double smooth_mm() const {
+  /// The root of the mean square of means over cubes, and which share of the square of a point's noise is in its square.
+  struct Smooth {
+    double off_mm = 0, noise_share = 0;
+    /// Without the noise of points.
+    double without_um(double noise_mm) const {
+      return 1e3 * std::sqrt(std::max(0.0, off_mm * off_mm - noise_share * noise_mm * noise_mm));
+    }
+  };
+  Smooth smooth() const {
     double squares = 0, points = 0;
-    for (const auto& [where, cube] : cubes()) {
+    const auto all = cubes();
+    for (const auto& [where, cube] : all) {
       const auto n = static_cast<double>(cube.points);
       squares += cube.off_mm * cube.off_mm / n;
       points += n;
     }
-    return points > 0 ? std::sqrt(squares / points) : 0;
+    if (!(points > 0)) return {};
+    return {std::sqrt(squares / points), static_cast<double>(all.size()) / points};
   }
 
   /// The covariance of all inputs: by how much the answer changes when a cube is left out (a jackknife over cubes, whose
@@ -370,7 +435,8 @@ class ScanFit {
     const TunedMatrix prior = before_.topLeftCorner(kUnknowns, kUnknowns);
     result.tuned.gain_nat = 0.5 * std::log(prior.determinant() / own.determinant());
     result.noise_um = 1e3 * noise_mm;
-    result.after_um = result.tuned.rms_um = 1e3 * smooth_mm();
+    result.before_um = smooth_before_ ? smooth_before_->without_um(noise_mm) : 0;
+    result.after_um = result.tuned.rms_um = smooth().without_um(noise_mm);
     for (const auto& rows : rows_) {
       for (const ScanRow& row : rows) ++(row.counts ? result.points : result.left_out);
     }
@@ -451,6 +517,8 @@ class ScanFit {
   bool last_ = false;
   double trust_ = 1;
   double noise_mm_ = 0;
+  std::optional<Smooth> smooth_before_;  ///< of what was believed
+  int done_ = 0, rounds_ = 1;            ///< of all searches
   std::vector<ScanPrint> prints_;
   std::vector<std::vector<ScanRow>> rows_;
 };

@@ -105,11 +105,14 @@ std::string answer_to(const TuningCall& call) {
   for (const std::string& scan : request.at("scans").get<std::vector<std::string>>()) {
     scans.push_back(read_scan(scan, surface, reading, context));
   }
+  const std::vector<std::string> counted =
+      marks_to_count(scans, resin_file.text, resin_file.source);
   std::vector<PrintScan> prints;
   prints.reserve(scans.size());
   for (const Scan& scan : scans) prints.push_back({&scan, &shown, &setup.process});
   const TunePrior prior = prior_of(resin_file.text, resin_file.source, printer);
-  const ScanTuneResult found = tune_by_scans(prints, setup, prior, {}, context);
+  ScanTuneResult found = tune_by_scans(prints, setup, prior, {}, context);
+  found.tuned.counted = counted;
   Json json = {{"inputs", findings_json(found.findings)},
                {"not_told_apart", found.not_apart},
                {"points", found.points},

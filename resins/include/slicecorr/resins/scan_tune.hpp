@@ -98,6 +98,8 @@ struct ScanTuneOptions {
   /// `spread` and `scatter` where files say nothing of them: else they are taken for none. Where files say them, they
   /// are sought anyway, as is the dead zone under UV light.
   std::vector<ScanInput> seek{};
+  /// Of a predicted surface that is held at once, > 0, 100 bytes each: what would have more is made in strips of image rows.
+  double most_triangles = 4e6;
 };
 
 /// What a resin's file says from now on of shrinkage and first layers: what is told and lies beyond its 95 % is new;
@@ -110,6 +112,14 @@ std::optional<Shrinkage> found_shrinkage(const std::vector<ScanFinding>& finding
 ScanTuneResult tune_by_scans(const std::vector<PrintScan>& prints, const Setup& setup,
                              const TunePrior& prior, const ScanTuneOptions& options = {},
                              const ExecutionContext& context = {});
+
+/// A short mark of a scan's points, by which the same scan is known again whatever its file is called.
+std::string mark_of(const Scan& scan);
+/// The marks of scans that are to be counted, for `TuneResult::counted`. Throws `InputError` where two are one, or where the
+/// text of a resin's file notes one of them: what was measured once would count twice.
+std::vector<std::string> marks_to_count(const std::vector<Scan>& scans,
+                                        const std::string& resin_text,
+                                        const std::string& resin_source);
 
 /// What a scan of a part would tell.
 struct ScanForecast {

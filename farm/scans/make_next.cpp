@@ -136,12 +136,7 @@ JobRequest request_of(const Again& a, const NextMade& made, const FarmFolder& fo
   r.as_options = true;
   r.where = fmt::format("the next print of job {}", a.job.id);
   r.parts = a.inputs;
-  r.antialias = a.spec.antialias;
-  r.units = a.spec.units;
-  r.scale = a.spec.scale;
-  r.center_mm = a.spec.center_mm;
-  r.rotate_deg = a.spec.rotate_deg;
-  r.plate = a.spec.plate;
+  place_as(r, detail::mesh_options(a.spec, a.inputs));
   r.setup.printer = made.printer;
   r.setup.resin = made.resin;
   r.setup.layer_heights_um = a.setup.process.layer_heights_um;

@@ -63,13 +63,7 @@ std::vector<JobRequest> requests_of(const SubmitArguments& a) {
   if (!a.layers.empty()) {
     common.setup.layer_heights_um = cli::read_by_slice(a.layers, "layer_um");
   }
-  common.antialias = mesh.antialias;
-  common.units = mesh.units;
-  common.scale = mesh.scale;
-  common.fit_mm = mesh.fit_mm;
-  common.center_mm = mesh.center_mm;
-  common.rotate_deg = mesh.rotate_deg;
-  common.plate = mesh.plate;
+  place_as(common, mesh);
   common.inserts = a.tomo.inserts;
   common.voxel_mm = a.tomo.voxel_mm;
   common.method = a.tomo.method;

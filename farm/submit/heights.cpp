@@ -11,6 +11,20 @@
 #include "slicecorr/error.hpp"
 #include "submit/fields.hpp"
 
+namespace slicecorr::farm {
+
+void place_as(JobRequest& r, const cli::MeshOptions& mesh) {
+  r.antialias = mesh.antialias;
+  r.units = mesh.units;
+  r.scale = mesh.scale;
+  r.fit_mm = mesh.fit_mm;
+  r.center_mm = mesh.center_mm;
+  r.rotate_deg = mesh.rotate_deg;
+  r.plate = mesh.plate;
+}
+
+}  // namespace slicecorr::farm
+
 namespace slicecorr::farm::detail {
 
 cli::MeshOptions mesh_options_of(const JobRequest& r) {

@@ -23,6 +23,10 @@
 #include "slicecorr/setup.hpp"
 #include "slicecorr/stack.hpp"
 
+namespace slicecorr::cli {
+struct MeshOptions;
+}
+
 namespace slicecorr::farm {
 
 /// Where a field of a request was said.
@@ -84,6 +88,8 @@ struct JobRequest {
   std::shared_ptr<const StackInfo> like;
 };
 
+/// How the parts of a request lie and are drawn, from the options of meshes.
+void place_as(JobRequest& r, const cli::MeshOptions& mesh);
 /// Makes the paths of a request absolute, from the present folder.
 void absolute_paths(JobRequest& request);
 

@@ -10,6 +10,7 @@
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
+#include <set>
 #include <sstream>
 
 #include "post_fixture.hpp"
@@ -22,6 +23,7 @@ namespace {
 using ::testing::AllOf;
 using ::testing::HasSubstr;
 using ::testing::Not;
+using ::testing::StartsWith;
 namespace fs = std::filesystem;
 
 TEST(WatchUnit, HasTheNameThatSystemdGivesToAPath) {
@@ -184,9 +186,12 @@ TEST_F(InstallWatch, OutcomesAreToldBesideTheFile) {
                                          "0",       "--settle-s", "0.05",   "--text-beside"};
   const RunResult r = post(watch);
   EXPECT_EQ(r.exit_code, 2);
-  EXPECT_THAT(text_of("in/part.sl1.txt"),
-              AllOf(HasSubstr("slicecorr-post: Slices corrected\npart.sl1\n\n50 slices, "),
-                    HasSubstr("\nmean height error ")));
+  EXPECT_THAT(
+      text_of("in/part.sl1.txt"),
+      AllOf(
+          HasSubstr("slicecorr-post: Slices corrected, but will not print as designed\npart.sl1\n\n"
+                    "Does not print as designed: "),
+          HasSubstr("\n50 slices, "), HasSubstr("\nmean height error ")));
   EXPECT_THAT(
       text_of("in/bad.sl1.txt"),
       AllOf(HasSubstr("slicecorr-post: Slices not corrected\nbad.sl1\n\n"), HasSubstr("archive")));
@@ -196,6 +201,47 @@ TEST_F(InstallWatch, OutcomesAreToldBesideTheFile) {
   make_sl1(folder_ / "in/bad.sl1");
   EXPECT_EQ(post(watch).exit_code, 0);
   EXPECT_THAT(text_of("in/bad.sl1.txt"), HasSubstr("Slices corrected"));
+}
+
+/// Who reads the first line alone knows what the print comes to, and it says what the same file alone says.
+TEST_F(InstallWatch, TheVerdictComesFirst) {
+  const std::string fails = "slicecorr-post: Slices corrected, but will not print as designed\n",
+                    designed = "slicecorr-post: Slices corrected\n";
+  std::set<std::string> titles;
+  Command fast = kSmall + Command{"--speed-mm-h", "800"};
+  fast[5] = "2000";
+  for (const Command& how : {kSmall, fast}) {
+    fs::create_directory(folder_ / "in");
+    make_sl1(folder_ / "in/part.sl1");
+    make_sl1(folder_ / "alone.sl1");
+    const std::string alone = good(how + Command{"alone.sl1"}).err;
+    const bool good_print = alone.find("\nPrints as designed. ") != alone.npos;
+    const std::size_t at =
+        alone.find(good_print ? "Prints as designed. " : "Does not print as designed: ");
+    ASSERT_NE(at, std::string::npos) << alone;
+    const std::string verdict = alone.substr(at, alone.find('\n', at) - at);
+    const std::string path = folder_ / "in/part.sl1";
+    const Command watch = how + Command{"--watch", "in", "--once", "--settle-s", "0.05"};
+    EXPECT_EQ(good(watch + Command{"--text-beside", "--log", "w.log"}).err, "");
+    const std::string text = text_of("in/part.sl1.txt");
+    const std::string& title = good_print ? designed : fails;
+    titles.insert(title);
+    EXPECT_THAT(text, StartsWith(title + "part.sl1\n\n" + verdict + "\n"));
+    EXPECT_THAT(text_of("w.log"), HasSubstr(" corrected " + path + ": " + verdict + " "));
+    // Sentences stay whole, whatever marks they have.
+    std::istringstream lines(text);
+    for (std::string line; std::getline(lines, line);) EXPECT_FALSE(line.starts_with(' ')) << line;
+    make_sl1(path);
+    good(watch + Command{"--log", "w.json", "--log-json"});
+    const auto json =
+        nlohmann::json::parse(text_of("w.json").substr(text_of("w.json").rfind("{\"time")));
+    EXPECT_THAT(json["message"].get<std::string>(), StartsWith(verdict + " "));
+    EXPECT_EQ(json["verdict"], good_print ? "as-designed" : "fails");
+    fs::remove_all(folder_ / "in");
+    fs::remove(folder_ / "w.log");
+    fs::remove(folder_ / "w.json");
+  }
+  EXPECT_TRUE(titles.contains(fails));
 }
 
 /// Through notify-send, to a service on a bus of the test's own.
@@ -231,7 +277,8 @@ TEST_F(InstallWatch, OutcomesAreToldOnTheDesktop) {
     told[json["title"]] = json["text"];
   }
   ASSERT_EQ(told.size(), 2u) << r.err;
-  EXPECT_THAT(told["Slices corrected"], HasSubstr("part.sl1\n50 slices"));
+  EXPECT_THAT(told["Slices corrected, but will not print as designed"],
+              HasSubstr("part.sl1\nDoes not print as designed: "));
   EXPECT_THAT(told["Slices not corrected"], AllOf(HasSubstr("bad.sl1"), HasSubstr("archive")));
 }
 

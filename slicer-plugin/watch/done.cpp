@@ -12,6 +12,7 @@
 
 #include "programs/common/program.hpp"
 #include "slicecorr/print_file.hpp"
+#include "slicecorr/verdict.hpp"
 #include "support/json/members.hpp"
 #include "support/json/read_json.hpp"
 #include "support/text/display_text.hpp"
@@ -29,11 +30,36 @@ constexpr std::pair<Kind, const char*> kKinds[] = {
     {Kind::in_use, "in use"},         {Kind::failed, "failed"},
     {Kind::cancelled, "cancelled"},   {Kind::killed, "killed"}};
 
+/// What a correction came to: nobody sees the print before it is printed, so the verdict is first.
+std::string lines_of(const PostOutcome& outcome, const std::vector<std::string>& remarks) {
+  const Correction& c = outcome.correction;
+  const auto mean = [](const Prediction& p) {
+    return p.height_error_um.count() ? fmt::format("{:.3g}", p.height_error_um.mean()) : "-";
+  };
+  std::string text = verdict_of(c.after).words;
+  const auto line = [&](const std::string& words) {
+    if (!words.empty()) text += "\n" + words;
+  };
+  if (c.before) line(worse_than_none(c.after, *c.before));
+  line(holds_without_lifts(outcome.format, outcome.setup.process));
+  line(fmt::format("{} slices, {}", c.info.grid.layers,
+                   in_one_line(outcome.setup.printer, outcome.setup.resin, *c.info.process)));
+  line(fmt::format("mean height error {} um, before {} um", mean(c.after),
+                   c.before ? mean(*c.before) : "-"));
+  line(outcome.rule);
+  for (const std::string& remark : remarks) line(remark);
+  for (const std::string& path : outcome.removed) {
+    // A text is written anew where it is asked for.
+    if (!path.ends_with(".txt")) line("taken away: " + path);
+  }
+  return text;
+}
+
 }  // namespace
 
 Done correct_and_tell(const std::string& path, const PostRequest& request,
                       const ExecutionContext& given) {
-  Done done{path, Kind::failed, cli::kDefect, {}, 0, {}};
+  Done done{path, Kind::failed, cli::kDefect, {}, 0, {}, {}};
   const auto became = [&](Kind kind, int code, const std::string& message) {
     done.kind = kind;
     done.code = code;
@@ -42,30 +68,15 @@ Done correct_and_tell(const std::string& path, const PostRequest& request,
   try {
     ExecutionContext context = given;
     context.progress = nullptr;
-    std::string remarks;
-    context.notice = [&](const std::string& text) { remarks += "; " + text; };
+    std::vector<std::string> remarks;
+    context.notice = [&](const std::string& text) { remarks.push_back(text); };
     const PostOutcome outcome = correct_file(path, request, context);
     if (outcome.left_alone) {
       became(Kind::left_alone, cli::kDone, outcome.rule);
     } else {
       done.made = outcome.identity;
-      std::string gone;
-      for (const std::string& path : outcome.removed) {
-        // A text is written anew where it is asked for.
-        if (!path.ends_with(".txt")) gone += "; taken away: " + path;
-      }
-      const std::string lifts = holds_without_lifts(outcome.format, outcome.setup.process);
-      if (!lifts.empty()) remarks += "; " + lifts.substr(0, lifts.size() - 1);
-      const Correction& c = outcome.correction;
-      const auto mean = [](const Prediction& p) {
-        return p.height_error_um.count() ? fmt::format("{:.3g}", p.height_error_um.mean()) : "-";
-      };
-      became(Kind::corrected, cli::kDone,
-             fmt::format("{} slices, {}; mean height error {} um, before {} um{}{}",
-                         c.info.grid.layers,
-                         in_one_line(outcome.setup.printer, outcome.setup.resin, *c.info.process),
-                         mean(c.after), c.before ? mean(*c.before) : "-",
-                         outcome.rule.empty() ? "" : "; " + outcome.rule, remarks + gone));
+      done.verdict = name_of(verdict_of(outcome.correction.after).outcome);
+      became(Kind::corrected, cli::kDone, lines_of(outcome, remarks));
     }
   } catch (const AlreadyCorrected&) {
     became(Kind::already, cli::kDone, {});
@@ -89,13 +100,14 @@ std::string done_json(const Done& done) {
   }
   json["code"] = done.code;
   json["message"] = done.message;
+  if (!done.verdict.empty()) json["verdict"] = done.verdict;
   const FileIdentity& made = done.made;
   json["made"] = {made.device, made.inode, made.bytes, made.modified_ns};
   return json.dump(-1, ' ', false, Json::error_handler_t::replace) + "\n";
 }
 
 Done done_in(const CommandResult& result, const std::string& path) {
-  Done done{path, Kind::failed, cli::kDefect, {}, 0, {}};
+  Done done{path, Kind::failed, cli::kDefect, {}, 0, {}, {}};
   if (!result.started) {
     done.code = cli::kDevice;
     done.message = result.err;
@@ -124,6 +136,7 @@ Done done_in(const CommandResult& result, const std::string& path) {
   done.kind = known->first;
   done.code = slicecorr::detail::whole_in(json, "code", cli::kDefect);
   done.message = slicecorr::detail::text_in(json, "message");
+  done.verdict = slicecorr::detail::text_in(json, "verdict");
   done.made = {made[0].get<dev_t>(), made[1].get<ino_t>(), made[2].get<off_t>(),
                made[3].get<std::int64_t>()};
   return done;

@@ -23,10 +23,12 @@ struct Done {
     cancelled,
     killed  ///< a signal ended the program that read it
   } kind;
-  int code = 0;         ///< exit code that the program would have had
-  std::string message;  ///< what went wrong, or the remarks and figures of a correction
+  int code = 0;  ///< exit code that the program would have had
+  /// What went wrong, or of a correction, each on a line: the verdict, figures, remarks.
+  std::string message;
   double seconds = 0;
-  FileIdentity made;  ///< of the corrected file
+  FileIdentity made;    ///< of the corrected file
+  std::string verdict;  ///< `name_of` the outcome of a correction; empty else
 };
 
 /// The option with which `slicecorr-post` says `done_json` in place of words. Not for people.

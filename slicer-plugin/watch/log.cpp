@@ -9,6 +9,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <ctime>
 #include <nlohmann/json.hpp>
@@ -34,6 +35,18 @@ std::string on_one_line(std::string text) {
   return text;
 }
 
+/// Lines after each other: behind a full stop as a sentence of its own, else after a semicolon.
+std::string in_sequence(const std::string& lines) {
+  std::string text;
+  for (std::size_t at = 0; at < lines.size();) {
+    const std::size_t end = std::min(lines.find('\n', at), lines.size());
+    if (!text.empty()) text += text.ends_with('.') ? " " : "; ";
+    text += lines.substr(at, end - at);
+    at = end + 1;
+  }
+  return on_one_line(std::move(text));
+}
+
 }  // namespace
 
 Log::Log(std::string path, bool json, bool quiet)
@@ -57,14 +70,15 @@ void Log::add(const LogLine& line) {
   if (json_) {
     nlohmann::ordered_json j{{"time", now()}, {"event", line.event}};
     if (!line.file.empty()) j["file"] = line.file;
-    if (!line.message.empty()) j["message"] = on_one_line(line.message);
+    if (!line.message.empty()) j["message"] = in_sequence(line.message);
+    if (!line.verdict.empty()) j["verdict"] = line.verdict;
     if (line.seconds >= 0) j["seconds"] = line.seconds;
     if (line.code >= 0) j["code"] = line.code;
     text = j.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
   } else {
     text = fmt::format("{} {}", now(), line.event);
     if (!line.file.empty()) text += fmt::format(" {}", on_one_line(line.file));
-    if (!line.message.empty()) text += fmt::format(": {}", on_one_line(line.message));
+    if (!line.message.empty()) text += fmt::format(": {}", in_sequence(line.message));
     if (line.seconds >= 0) text += fmt::format(" ({:.1f} s)", line.seconds);
     text += "\n";
   }

@@ -13,10 +13,11 @@ namespace slicecorr::post {
 struct LogLine {
   std::string event;    ///< "corrected", "failed", "watching", ...
   std::string file;     ///< may be empty
-  std::string message;  ///< one line
+  std::string message;  ///< sentences, each on a line; the log puts them on one
   double seconds = -1;  ///< the work took; below 0: not said
   int code = -1;        ///< exit code that the program would have had; below 0: not said
   bool trouble = false;
+  std::string verdict = {};  ///< `Done::verdict`
 };
 
 /// Lines are only added, each with one write. A file that was renamed or removed, as log rotation

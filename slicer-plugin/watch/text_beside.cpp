@@ -37,9 +37,9 @@ std::string write_text_beside(const std::string& path, const std::string& title,
   std::string text = kTextFirstWords + title + "\n" + fs::path(path).filename().string() + "\n\n";
   std::size_t at = 0;
   while (at < message.size()) {
-    const std::size_t end = std::min(message.find("; ", at), message.size());
+    const std::size_t end = std::min(message.find('\n', at), message.size());
     text += text::printable(message.substr(at, end - at)) + "\n";
-    at = end + 2;
+    at = end + 1;
   }
   try {
     detail::check_new_file(to);

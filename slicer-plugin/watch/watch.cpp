@@ -21,6 +21,7 @@
 
 #include "post/files.hpp"
 #include "programs/common/program.hpp"
+#include "slicecorr/verdict.hpp"
 #include "support/files/errno_message.hpp"
 #include "support/text/ascii.hpp"
 #include "watch/commands.hpp"
@@ -37,6 +38,13 @@ namespace {
 using SteadyTime = std::chrono::steady_clock;
 
 constexpr const char* kNotifier = "notify-send";
+
+/// What somebody sees who reads nothing else.
+std::string title_of(const Done& done) {
+  if (done.verdict == name_of(Outcome::fails)) return "Slices corrected, but will not print as designed";
+  if (done.verdict == name_of(Outcome::look)) return "Slices corrected; look at some places";
+  return "Slices corrected";
+}
 
 SteadyTime::duration seconds(double s) {
   return std::chrono::duration_cast<SteadyTime::duration>(std::chrono::duration<double>(s));
@@ -277,8 +285,8 @@ class Watcher {
       // What a slicer may have put there since is not this file.
       settled_[done.path] = done.made;
       ++result_.corrected;
-      log_.add({"corrected", done.path, done.message, done.seconds, 0});
-      tell(options_.on_done, "Slices corrected", done.path, done.message);
+      log_.add({"corrected", done.path, done.message, done.seconds, 0, false, done.verdict});
+      tell(options_.on_done, title_of(done), done.path, done.message);
       if (c.touched) consider(done.path);
       return;
     }

@@ -8,7 +8,7 @@
 #include <string>
 #include <string_view>
 
-#include "slicecorr/error.hpp"
+#include "slicecorr/misfit.hpp"
 
 namespace slicecorr {
 
@@ -21,16 +21,19 @@ void detail::check_counts(const Setup& setup, const SetupChoices& choices, Choic
   for (const std::string_view name : {"edge_aim_um", "gap_shortfall"}) {
     if (!is_said(*find_setting(name), choices) || tried) continue;
     if (!continuous || p.uv.kind != UvKind::off) {
-      throw InputError(fmt::format("{} changes nothing {}; expected it not to be given", o(name),
-                                   continuous ? "under UV light" : "layer by layer"));
+      throw MisfitError({std::string(name)},
+                        fmt::format("{} changes nothing {}; expected it not to be given", o(name),
+                                    continuous ? "under UV light" : "layer by layer"));
     }
   }
   if (choices.gap_um > 0 && choices.even_dead_zone.empty()) {
     if (!continuous) {
-      throw InputError(fmt::format(
-          "{} changes nothing layer by layer: suction is judged in continuous exposure; "
-          "expected it not to be given",
-          o("gap_um")));
+      throw MisfitError(
+          {"gap_um"},
+          fmt::format(
+              "{} changes nothing layer by layer: suction is judged in continuous exposure; "
+              "expected it not to be given",
+              o("gap_um")));
     }
     if (!(setup.resin.viscosity_pa_s > 0)) {
       throw InputError(fmt::format(

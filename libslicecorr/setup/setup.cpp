@@ -22,6 +22,7 @@
 #include "slicecorr/load_display.hpp"
 #include "slicecorr/load_printer.hpp"
 #include "slicecorr/machine_motion.hpp"
+#include "slicecorr/misfit.hpp"
 #include "slicecorr/print_file.hpp"
 #include "slicecorr/same_light.hpp"
 #include "slicecorr/settings.hpp"
@@ -37,6 +38,9 @@ using detail::trimmed;
 namespace {
 
 [[noreturn]] void wrong(const std::string& message) { throw InputError(message); }
+[[noreturn]] void misfit(std::vector<std::string> settings, const std::string& message) {
+  throw MisfitError(std::move(settings), message);
+}
 
 class Resolver {
  public:
@@ -68,6 +72,14 @@ class Resolver {
   /// Lamps follow the stage where a machine would else refuse the speed, and nothing is said of ramps.
   void resolve_ramp(Setup& setup) const;
   void resolve_even_dead_zone(Setup& setup) const;
+  /// Those of `names` that are said.
+  std::vector<std::string> said_of(std::initializer_list<std::string_view> names) const {
+    std::vector<std::string> said;
+    for (const std::string_view name : names) {
+      if (is_said(*find_setting(name), c_)) said.emplace_back(name);
+    }
+    return said;
+  }
   bool any_exposure() const {
     return c_.exposure_s > 0 || c_.bottom_exposure_s > 0 || c_.bottom_layers >= 0 ||
            c_.fade_layers >= 0;
@@ -81,25 +93,23 @@ void Resolver::resolve_exposure(Process& process, const StackInfo* times) const 
   const bool layerwise =
       c_.mode.empty() ? process.mode == ExposureMode::layerwise : c_.mode == "layerwise";
   if (layerwise && c_.speed_mm_h > 0) {
-    wrong(fmt::format("{} is for continuous exposure; expected {} with {} layerwise",
-                      o("speed_mm_h"), o("exposure_s"), o("mode")));
+    misfit({"speed_mm_h"},
+           fmt::format("{} is for continuous exposure; expected {} with {} layerwise",
+                       o("speed_mm_h"), o("exposure_s"), o("mode")));
   }
-  if (layerwise && (!c_.ramp.empty() || c_.ramp_mm > 0)) {
-    wrong(fmt::format("{} is for continuous exposure: layer by layer the stage stands still",
-                      o("ramp")));
+  if (const auto moving = said_of({"ramp", "ramp_mm", "slice_speed_mm_h", "slice_lamps"});
+      layerwise && !moving.empty()) {
+    misfit({moving.front()},
+           fmt::format("{} is for continuous exposure: layer by layer the stage stands still",
+                       o(moving.front())));
   }
-  if (layerwise && !c_.slice_speed_mm_h.empty()) {
-    wrong(fmt::format("{} is for continuous exposure: layer by layer the stage stands still",
-                      o("slice_speed_mm_h")));
-  }
-  if (layerwise && !c_.slice_lamps.empty()) {
-    wrong(fmt::format("{} is for continuous exposure: layer by layer the stage stands still",
-                      o("slice_lamps")));
-  }
-  if (!layerwise && (any_exposure() || !c_.layer_exposure_s.empty())) {
-    wrong(fmt::format(
-        "exposure times are for layer by layer exposure; expected {} layerwise with them",
-        o("mode")));
+  if (const auto times_said = said_of(
+          {"exposure_s", "bottom_exposure_s", "bottom_layers", "fade_layers", "layer_exposure_s"});
+      !layerwise && !times_said.empty()) {
+    misfit({times_said.front()},
+           fmt::format(
+               "exposure times are for layer by layer exposure; expected {} layerwise with them",
+               o("mode")));
   }
   const ExposureMode now = layerwise ? ExposureMode::layerwise : ExposureMode::continuous;
   if (now != process.mode) {
@@ -186,8 +196,9 @@ void Resolver::resolve_lifts(Setup& setup, bool recorded) const {
       !c_.lifts.empty() || c_.green_strength > 0 || c_.skin > 0 || c_.lift_exchange >= 0;
   if (p.mode != ExposureMode::layerwise) {
     if (said) {
-      wrong(fmt::format("{} is for layer by layer exposure; expected {} layerwise with it",
-                        o(!c_.lifts.empty() ? "lifts" : how_said()), o("mode")));
+      const char* const what = !c_.lifts.empty() ? "lifts" : how_said();
+      misfit({what}, fmt::format("{} is for layer by layer exposure; expected {} layerwise with it",
+                                 o(what), o("mode")));
     }
     p.lifts = Lifts::none;
     return;
@@ -202,8 +213,9 @@ void Resolver::resolve_lifts(Setup& setup, bool recorded) const {
   }
   if (!c_.lifts.empty()) apply_choice(*find_setting("lifts"), c_, p);
   if (how && p.lifts == Lifts::none) {
-    wrong(fmt::format("{} is for layers that hold at each lift; expected {} each with it",
-                      o(how_said()), o("lifts")));
+    misfit({how_said()},
+           fmt::format("{} is for layers that hold at each lift; expected {} each with it",
+                       o(how_said()), o("lifts")));
   }
   if (c_.green_strength > 0) p.green_strength = c_.green_strength;
   if (c_.skin > 0) p.skin = c_.skin;
@@ -228,8 +240,8 @@ void Resolver::resolve_slice_speeds(Process& process) const {
   }
   if (!c_.slice_lamps.empty()) {
     if (speeds.empty()) {
-      wrong(fmt::format("{} {}: expected speeds of slices with it ({})", o("slice_lamps"),
-                        c_.slice_lamps, o("slice_speed_mm_h")));
+      misfit({"slice_lamps"}, fmt::format("{} {}: expected speeds of slices with it ({})",
+                                          o("slice_lamps"), c_.slice_lamps, o("slice_speed_mm_h")));
     }
     process.slice_lamps = c_.slice_lamps == "stay" ? SliceLamps::stay : SliceLamps::follow;
   }
@@ -247,8 +259,13 @@ void Resolver::resolve_slice_speeds(Process& process) const {
 void Resolver::resolve_layerwise(Process& process, const StackInfo* times) const {
   if (!c_.layer_exposure_s.empty()) {
     if (any_exposure()) {
-      wrong(fmt::format("{} says the exposure of every layer; expected no other times with it",
-                        o("layer_exposure_s")));
+      auto both = said_of({"exposure_s", "bottom_exposure_s", "bottom_layers", "fade_layers"});
+      // Of several, one alone does not do.
+      if (both.size() > 1) both.resize(1);
+      both.emplace_back("layer_exposure_s");
+      misfit(both,
+             fmt::format("{} says the exposure of every layer; expected no other times with it",
+                         o("layer_exposure_s")));
     }
     process.layer_exposure_s = trimmed(c_.layer_exposure_s);
     process.exposure_s = process.layer_exposure_s.back();
@@ -303,10 +320,17 @@ void Resolver::resolve_even_dead_zone(Setup& setup) const {
   const std::string option = o("even_dead_zone");
   std::vector<Feature> features = features_of(setup.printer, setup.resin, setup.process);
   features.push_back(Feature::even_dead_zone);
-  check_supported(features, setup.printer.name, setup.resin.name);
-  if (c_.uv_mw_cm2 > 0 || c_.dead_zone_um > 0 || !c_.uv_schedule.empty()) {
-    wrong(fmt::format("{} finds the UV light; expected no {}, {} or {} with it", option,
-                      o("uv_mw_cm2"), o("dead_zone_um"), o("uv_schedule")));
+  try {
+    check_supported(features, setup.printer.name, setup.resin.name);
+  } catch (const InputError& e) {
+    if (setup.process.mode == ExposureMode::layerwise) misfit({"even_dead_zone"}, e.what());
+    throw;
+  }
+  if (auto light = said_of({"uv_mw_cm2", "dead_zone_um", "uv_schedule"}); !light.empty()) {
+    light.resize(1);
+    light.emplace_back("even_dead_zone");
+    misfit(light, fmt::format("{} finds the UV light; expected no {}, {} or {} with it", option,
+                              o("uv_mw_cm2"), o("dead_zone_um"), o("uv_schedule")));
   }
   if (!setup.resin.inhibition) {
     wrong(fmt::format("{}: resin '{}' has no [inhibition]; expected one that UV light inhibits",
@@ -343,13 +367,14 @@ void Resolver::resolve_uv(Setup& setup) const {
   const std::string intensity = o("uv_mw_cm2"), zone = o("dead_zone_um"),
                     schedule = o("uv_schedule");
   if (c_.uv_mw_cm2 > 0 && c_.dead_zone_um > 0) {
-    wrong(fmt::format("{} and {} are two ways to set the UV light; expected one of them", intensity,
-                      zone));
+    misfit({"uv_mw_cm2", "dead_zone_um"},
+           fmt::format("{} and {} are two ways to set the UV light; expected one of them",
+                       intensity, zone));
   }
   if (!(c_.uv_mw_cm2 > 0) && !(c_.dead_zone_um > 0)) {
     if (!c_.uv_schedule.empty()) {
-      wrong(fmt::format("{} {}: expected {} with it", schedule, c_.uv_schedule,
-                        c_.uv_schedule == "constant" ? intensity : zone));
+      misfit({"uv_schedule"}, fmt::format("{} {}: expected {} with it", schedule, c_.uv_schedule,
+                                          c_.uv_schedule == "constant" ? intensity : zone));
     }
     return;
   }
@@ -426,8 +451,9 @@ Printer Resolver::printer() const {
 ResinOverrides Resolver::overrides() const {
   const ResinOverrides overrides = resin_overrides(c_);
   if (overrides.dc_mj_cm3 && overrides.dose_factor) {
-    wrong(fmt::format("{} and {} are two ways to set the dose; expected one of them",
-                      o("dc_mj_cm3"), o("dose_factor")));
+    misfit({"dc_mj_cm3", "dose_factor"},
+           fmt::format("{} and {} are two ways to set the dose; expected one of them",
+                       o("dc_mj_cm3"), o("dose_factor")));
   }
   return overrides;
 }

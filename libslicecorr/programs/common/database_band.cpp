@@ -11,6 +11,7 @@
 #include <numbers>
 
 #include "slicecorr/error.hpp"
+#include "slicecorr/print_file.hpp"
 #include "slicecorr/process.hpp"
 
 namespace slicecorr::cli {
@@ -94,6 +95,20 @@ void tell_database_band(const Resin& resin, const ExecutionContext& context, Ass
 void tell_database_band(const std::string& resin, const ExecutionContext& context,
                         AssumedLight assumed) {
   if (const std::string text = database_band(resin, assumed); !text.empty()) context.tell(text);
+}
+
+std::vector<std::string> unmeasured_in_words(const SetupChoices& chosen, const Setup& setup) {
+  const AssumedLight assumed = setup.process.assumed;
+  std::vector<std::string> words;
+  if (assumed != AssumedLight::none && !chosen.printer.empty()) {
+    words.push_back(doubted_grey_in_words(chosen.printer));
+  }
+  if (chosen.resin_toml.empty()) {
+    words.push_back(chosen.resin.empty() ? database_band(setup.resin, assumed)
+                                         : database_band(chosen.resin, assumed));
+  }
+  std::erase(words, std::string());
+  return words;
 }
 
 }  // namespace slicecorr::cli

@@ -5,9 +5,11 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "slicecorr/parallel.hpp"
 #include "slicecorr/process.hpp"
+#include "slicecorr/setup.hpp"
 
 namespace slicecorr::cli {
 
@@ -27,5 +29,9 @@ void tell_database_band(const std::string& resin, const ExecutionContext& contex
                         AssumedLight assumed = AssumedLight::none);
 void tell_database_band(const Resin& resin, const ExecutionContext& context,
                         AssumedLight assumed = AssumedLight::none);
+
+/// What a print is worth, for who looks at nothing but its files: that the printer is said to show no grey where
+/// light is assumed, and the resin of the database. `chosen`: names, or nothing where a stack says them.
+std::vector<std::string> unmeasured_in_words(const SetupChoices& chosen, const Setup& setup);
 
 }  // namespace slicecorr::cli

@@ -35,9 +35,25 @@ std::string beside(const std::string& stack, const char* what) {
 
 }  // namespace
 
-std::string target_beside(const std::string& stack) { return beside(stack, "-target.uvj"); }
+std::string target_beside(const std::string& stack) { return beside(stack, kTargetEnding); }
 
-std::string left_alone_beside(const std::string& stack) { return beside(stack, "-left-alone.uvj"); }
+std::string left_alone_beside(const std::string& stack) { return beside(stack, kLeftAloneEnding); }
+
+void leave_beside(const SliceSource& slices, const LayerHeights& heights, const std::string& path,
+                  const ExecutionContext& context) {
+  const StackFile file(path);
+  heights.alike() ? write_target(slices, file, context)
+                  : write_target(slices, heights, file, context);
+}
+
+void leave_left_alone(const PartSlices& parts, const std::vector<std::string>& meshes,
+                      const Printer& printer, const LayerHeights& heights, const std::string& path,
+                      const ExecutionContext& context) {
+  ExecutionContext told = context;  // what is told of these files was told when they were corrected
+  told.notice = nullptr;
+  const LeftAloneFiles on_plate(*parts, meshes, parts.place(), printer, folder_of(path), told);
+  leave_beside(*(*on_plate).left_alone(), heights, path, context);
+}
 
 Correction make_part(const SliceSource& target, Setup setup, const StackFile& file,
                      const std::string& base, const std::string& title,

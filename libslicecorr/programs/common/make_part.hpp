@@ -6,7 +6,9 @@
 
 #include <functional>
 #include <string>
+#include <vector>
 
+#include "programs/common/part_slices.hpp"
 #include "slicecorr/pipeline.hpp"
 #include "slicecorr/turned.hpp"
 
@@ -16,6 +18,9 @@ namespace slicecorr::cli {
 /// our own those of the plate. `slices` must outlive the result.
 FittedSlices fit_for_output(const SliceSource& slices, const StackFile& file,
                             const Printer& printer, const ExecutionContext& context);
+
+/// Behind the stem of a stack, what is left beside it: its design, and what was left alone.
+inline constexpr const char *kTargetEnding = "-target.uvj", *kLeftAloneEnding = "-left-alone.uvj";
 
 /// Where `run` leaves the target of a stack: BASE-target.uvj beside BASE.uvj.
 std::string target_beside(const std::string& stack);
@@ -30,5 +35,14 @@ std::string left_alone_beside(const std::string& stack);
 Correction make_part(const SliceSource& target, Setup setup, const StackFile& file,
                      const std::string& base, const std::string& title,
                      const ExecutionContext& context, const std::function<void()>& corrected = {});
+
+/// Leaves slices of the plate at `path`, beside a stack, for the programs that measure it: verify, section,
+/// report, scan compare.
+void leave_beside(const SliceSource& slices, const LayerHeights& heights, const std::string& path,
+                  const ExecutionContext& context);
+/// The same of what lies on the plate beside parts that were sliced: `meshes` as they were left alone.
+void leave_left_alone(const PartSlices& parts, const std::vector<std::string>& meshes,
+                      const Printer& printer, const LayerHeights& heights, const std::string& path,
+                      const ExecutionContext& context);
 
 }  // namespace slicecorr::cli

@@ -191,27 +191,12 @@ int run(const Arguments& given, const ExecutionContext& context, Console& consol
 
 namespace {
 
-/// Leaves slices of the plate beside a stack, for the programs that measure it, and says what they are.
-void leave_beside(const SliceSource& slices, const Arguments& a, const std::string& path,
-                  const std::string& what, const ExecutionContext& context, Console& console) {
-  const LayerHeights heights = wanted_heights(a);
-  const StackFile file(path);
-  heights.alike() ? write_target(slices, file, context)
-                  : write_target(slices, heights, file, context);
+/// Says what was left beside a stack.
+void say_left(const std::string& path, const std::string& what, const Arguments& a,
+              Console& console) {
   console.say(fmt::format("{}: {} ({}), by which verify, section and report measure {}", path, what,
                           text::bytes(static_cast<double>(std::filesystem::file_size(path))),
                           a.output));
-}
-
-/// What a stack holds that was left alone.
-void leave_left_alone(const PartSlices& slices, const Arguments& a, const Printer& printer,
-                      const std::string& path, const ExecutionContext& context, Console& console) {
-  if (a.leave_alone.empty()) return;
-  ExecutionContext told = context;  // what is told of these files was told when they were corrected
-  told.notice = nullptr;
-  const LeftAloneFiles on_plate(*slices, a.leave_alone, slices.place(), printer,
-                                folder_of(a.output), told);
-  leave_beside(*(*on_plate).left_alone(), a, path, "what was left alone", context, console);
 }
 
 int run_plate(const Arguments& a, const Setup& setup, const ExecutionContext& context,
@@ -245,8 +230,13 @@ int run_plate(const Arguments& a, const Setup& setup, const ExecutionContext& co
                      [&] { ::unlink(left_path.c_str()); });
   });
   // The verdict comes last.
-  leave_beside(*slices, a, design_path, "the design as sliced", context, console);
-  leave_left_alone(slices, a, setup.printer, left_path, context, console);
+  const LayerHeights heights = wanted_heights(a);
+  leave_beside(*slices, heights, design_path, context);
+  say_left(design_path, "the design as sliced", a, console);
+  if (!a.leave_alone.empty()) {
+    leave_left_alone(slices, a.leave_alone, setup.printer, heights, left_path, context);
+    say_left(left_path, "what was left alone", a, console);
+  }
   console.say(fmt::format(
       "{3}, {0}.html, {0}.json: {1} slices, print time {4}\n{2}", base, result.info.grid.layers,
       summary(result.after, result.before) + lifts_line(format_of(a.file()), setup.process),

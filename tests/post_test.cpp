@@ -417,6 +417,19 @@ TEST_F(Post, AsASlicerCallsIt) {
               HasSubstr("printer   small, from the archive's profile 'Works Small One'"));
 }
 
+/// A setting of a rule that does not go with the command line: nobody typed it.
+TEST_F(Post, MessagesSayWhatRulesSaid) {
+  write("config/slicecorr/post.toml",
+        "[default]\nbackup = true\nomega_max = 3\n\n"
+        "[[rule]]\nname = \"lifts\"\nfile = \"*.sl1\"\nlift_exchange = 0.4\nha_um = 2000\n");
+  const RunResult r = post(kSmall + Command{"--speed-mm-h", "800", "part.sl1"});
+  EXPECT_EQ(r.exit_code, 2);
+  EXPECT_THAT(r.err, HasSubstr("--lift-exchange is for layer by layer exposure"));
+  EXPECT_THAT(r.err, HasSubstr("lift-exchange by rule 'lifts' ("));
+  EXPECT_THAT(r.err, HasSubstr("omega-max by [default] of "));
+  EXPECT_THAT(r.err, Not(HasSubstr("ha-um by"))) << "the command line said it";
+}
+
 TEST_F(Post, RulesChooseByFolderFileAndProfiles) {
   write("config/slicecorr/post.toml",
         "[default]\nprinter = \"small\"\nresin = \"figure-2-2\"\nomega_max = 3\nha_um = 110\n\n"

@@ -262,8 +262,10 @@ PostOutcome correct_file(const std::string& path, const PostRequest& request,
     const std::string backup = backup_of(real, request);
     if (keep) check_backup(real, backup, decision.settings.backup);
     cli::tell_notices(decision.setup, &decision.info, context);
-    cli::tell_doubted_grey(decision.settings.setup.printer, decision.setup, context);
-    cli::tell_database_band(decision.settings.setup.resin, context, decision.setup.process.assumed);
+    for (const std::string& words :
+         cli::unmeasured_in_words(decision.settings.setup, decision.setup)) {
+      context.tell(words);
+    }
 
     const WorkFolder work(folder);
     note_work(work, real);

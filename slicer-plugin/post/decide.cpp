@@ -5,12 +5,15 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdlib>
+#include <map>
 
 #include "post/profiles.hpp"
 #include "programs/common/database_band.hpp"
 #include "slicecorr/load_display.hpp"
+#include "slicecorr/settings.hpp"
 
 namespace slicecorr::post {
 
@@ -86,12 +89,17 @@ class Deciding {
       decision_.rule =
           fmt::format("rule '{}' ({}, line {})", rule_->name, request_.config.path, rule_->line);
     }
-    decision_.settings = settings_of(over(values, request_.given));
+    said_ = over(values, request_.given);
+    decision_.settings = settings_of(said_);
     if (decision_.settings.leave_alone) return std::move(decision_);
     find_definitions();
     cli::SetupOptions& setup = decision_.settings.setup;
     if (setup.mode.empty() && !(setup.speed_mm_h > 0)) setup.mode = "layerwise";
-    decision_.setup = setup.resolve(nullptr, &decision_.info);
+    try {
+      decision_.setup = setup.resolve(nullptr, &decision_.info);
+    } catch (const InputError& e) {
+      throw InputError(e.what() + said_by_rules());
+    }
     find_facts();
     find_exposure();
     return std::move(decision_);
@@ -102,6 +110,23 @@ class Deciding {
     if (request_.given.contains(name)) return "the command line";
     if (rule_ != nullptr && rule_->values.contains(name)) return decision_.rule;
     return fmt::format("[default] of {}", request_.config.path);
+  }
+
+  /// Which settings nobody said on the command line, and who said them: messages do not tell that.
+  std::string said_by_rules() const {
+    std::map<std::string, std::string> by_source;
+    for (const auto& [name, value] : said_) {
+      std::string field = name;
+      std::replace(field.begin(), field.end(), '-', '_');
+      if (request_.given.contains(name) || find_setting(field) == nullptr) continue;
+      by_source[source_of(name)] += " " + name + ",";
+    }
+    std::string text;
+    for (auto& [source, names] : by_source) {
+      names.pop_back();
+      text += fmt::format("{}{} by {}", text.empty() ? " (said" : ";", names, source);
+    }
+    return text.empty() ? text : text + ")";
   }
 
   void find_definitions() {
@@ -160,6 +185,7 @@ class Deciding {
   Decision decision_;
   ArchiveProfiles profiles_;
   const Rule* rule_ = nullptr;
+  Values said_;  ///< all that holds of rules and command line
 };
 
 }  // namespace
@@ -213,8 +239,9 @@ std::string describe(const Decision& d) {
   for (const std::string& notice : setup_notices(d.setup, &d.info, ChoiceNames::options)) {
     text += fmt::format("note      {}\n", notice);
   }
-  const std::string band = cli::database_band(d.settings.setup.resin, d.setup.process.assumed);
-  if (!band.empty()) text += fmt::format("note      {}\n", band);
+  for (const std::string& words : cli::unmeasured_in_words(d.settings.setup, d.setup)) {
+    text += fmt::format("note      {}\n", words);
+  }
   return text;
 }
 

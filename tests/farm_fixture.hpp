@@ -310,7 +310,7 @@ class FarmPrograms : public testing::Test {
     return base;
   }
   void expect_same_files(const std::string& a, const std::string& b) const {
-    for (const char* ending : {".uvj", ".html", ".json"}) {
+    for (const char* ending : {".uvj", ".html", ".json", "-target.uvj"}) {
       ASSERT_TRUE(fs::exists(a + ending)) << a << ending;
       EXPECT_TRUE(text_of_file(a + ending) == text_of_file(b + ending)) << a << ending;
     }

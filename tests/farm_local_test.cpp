@@ -609,18 +609,18 @@ TEST_F(FarmLocal, EveryDisplayGivesTheBytesOfSlicecorr) {
         all.push_back({dir / ("out/" + base), dir / ("direct/" + base), {format, "html", "json"}});
       }
       if (number % 2 == 0 && !by_night()) continue;
-      const std::string target = dir / (base + "-target." + format);
+      const std::string target = dir / (base + "-slices." + format);
       r = program("slicecorr",
                   {"slice", part, "-o", target, "--printer", printer, "--layer-um", "50"});
       ASSERT_EQ(r.exit_code, 0) << r.err;
       r = farm("submit", with({target, "--printer", printer, "--out", dir / "out"}, {}));
       ASSERT_EQ(r.exit_code, 0) << r.err;
-      const std::string corrected = dir / ("direct/" + base + "-target." + format);
+      const std::string corrected = dir / ("direct/" + base + "-slices." + format);
       r = program("slicecorr",
                   with({"correct", target, "-o", corrected, "--printer", printer}, {}));
       ASSERT_EQ(r.exit_code, 0) << r.err;
       all.push_back(
-          {dir / ("out/" + base + "-target"), dir / ("direct/" + base + "-target"), {format}});
+          {dir / ("out/" + base + "-slices"), dir / ("direct/" + base + "-slices"), {format}});
     }
   }
   const RunResult r = run_all();

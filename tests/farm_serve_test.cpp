@@ -732,6 +732,8 @@ TEST(Submit, UploadedPartsAndWhatIsRefused) {
   auto answer = post(job_with(json::object()), "/api/v1/jobs?dry_run=1");
   ASSERT_EQ(status_of(answer), 200) << answer->body;
   EXPECT_GT(body_of(answer)["estimates"][0]["layers"].get<int>(), 0);
+  EXPECT_THAT(body_of(answer)["notices"].dump(),
+              testing::HasSubstr("resin 'benchy-resin' is from the database"));
   EXPECT_EQ(farm.model().count({}), 0);
   answer = post(job_with({{"priority", 3}, {"labels", {"web"}}}));
   ASSERT_EQ(status_of(answer), 201) << answer->body;

@@ -414,7 +414,7 @@ void Api::file(const Job& job, const std::string& ending, httplib::Response& res
   response.set_header("Content-Security-Policy", page ? kPartPolicy : kBarePolicy);
   const char* type = page ? kHtmlType : ending == "json" ? kJsonType : "application/octet-stream";
   const bool shown = page || ending == "json";
-  send_file(job.output(ending), listed->bytes, type, shown ? "" : job.name + "." + ending,
+  send_file(job.output(ending), listed->bytes, type, shown ? "" : result_name(job.name, ending),
             response);
 }
 

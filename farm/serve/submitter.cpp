@@ -139,6 +139,11 @@ std::function<SubmitReply(const std::string&, bool, const std::atomic<bool>&)> m
       Queue queue(rules.folder.database());
       ExecutionContext context;
       context.cancel = &stopping;
+      // What `slicefarm submit` says on stderr.
+      Json notices = Json::array();
+      context.notice = [&](const std::string& text) {
+        notices.push_back(detail::without_folders(text, rules.folder));
+      };
       const Submission submission =
           prepare(requests, rules.folder, queue, rules.user, !dry_run, context);
       Json estimates = Json::array();
@@ -159,6 +164,7 @@ std::function<SubmitReply(const std::string&, bool, const std::atomic<bool>&)> m
         json["done_from_cache"] = submitted.done_from_cache;
       }
       json["estimates"] = estimates;
+      json["notices"] = notices;
       return {dry_run ? 200 : 201,
               json.dump(-1, ' ', false, Json::error_handler_t::replace) + "\n"};
     } catch (const SubmitErrors& e) {

@@ -80,7 +80,7 @@ std::vector<JobRequest> requests_of(const SubmitArguments& a) {
   for (const std::string& part : a.parts) {
     try {
       if (is_jobs_file(part)) {
-        const auto more = read_jobs_file(part, common);
+        const auto more = read_jobs_to_check(part, common);
         requests.insert(requests.end(), more.begin(), more.end());
       } else {
         JobRequest r = common;
@@ -167,7 +167,21 @@ bool skip(const SubmitErrors& e, std::vector<JobRequest>& requests, cli::Console
   return true;
 }
 
-/// What physics alone forbids has an exit code of its own.
+/// Each error on a line of its own; the last one is thrown. What physics alone forbids has an exit code of its
+/// own.
+[[noreturn]] void throw_line_by_line(const SubmitErrors& e, cli::Console& console) {
+  console.clear();
+  const auto line = [](const SubmitError& error) {
+    return text::printable(fmt::format("{}: {}", error.where, error.message));
+  };
+  const std::vector<SubmitError>& errors = e.errors();
+  for (std::size_t i = 0; i + 1 < errors.size(); ++i) {
+    cli::write_stderr(fmt::format("slicefarm: {}\n", line(errors[i])));
+  }
+  if (e.all_infeasible()) throw InfeasibleError(line(errors.back()));
+  throw InputError(line(errors.back()));
+}
+
 Submission checked(std::vector<JobRequest>& requests, const FarmFolder& folder, Queue& queue,
                    const std::string& user, const SubmitArguments& a,
                    const ExecutionContext& context, cli::Console& console) {
@@ -185,8 +199,7 @@ Submission checked(std::vector<JobRequest>& requests, const FarmFolder& folder, 
                         "done",
                         requests.size() - bad.size(), requests.size()));
       }
-      if (e.all_infeasible()) throw InfeasibleError(e.what());
-      throw;
+      throw_line_by_line(e, console);
     }
   }
 }
@@ -196,7 +209,12 @@ int submit_command(const SubmitArguments& a, const ExecutionContext& context,
   const FarmFolder folder = a.store.empty() ? a.farm.open() : a.farm.open(a.store);
   Queue queue(folder.database());
   const std::string user = user_name();
-  std::vector<JobRequest> requests = requests_of(a);
+  std::vector<JobRequest> requests;
+  try {
+    requests = requests_of(a);
+  } catch (const SubmitErrors& e) {
+    throw_line_by_line(e, console);
+  }
   const Submission submission = checked(requests, folder, queue, user, a, context, console);
   if (a.dry_run) {
     if (a.json.empty()) {

@@ -12,10 +12,12 @@
 #include <sys/statvfs.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <filesystem>
 #include <memory>
 
+#include "programs/common/make_part.hpp"
 #include "store/title.hpp"
 #include "support/files/errno_message.hpp"
 #include "support/files/sha256.hpp"
@@ -95,7 +97,7 @@ void make_folders(const std::string& path) {
 std::string cache_name(const std::string& ending) {
   if (ending == "html") return "report.html";
   if (ending == "json") return "figures.json";
-  return "stack." + ending;
+  return result_name("stack", ending);
 }
 
 void damaged(const std::string& path) {
@@ -212,7 +214,7 @@ void put_in_cache(const FarmFolder& folder, const std::string& key, const std::s
                             fs::path(out_folder).parent_path().filename().string();
   make_folders(fresh);
   for (const ResultFile& f : files) {
-    const std::string from = out_folder + "/" + name + "." + f.ending;
+    const std::string from = out_folder + "/" + result_name(name, f.ending);
     const std::string to = fresh + "/" + cache_name(f.ending);
     std::error_code error;
     const auto bytes = static_cast<std::int64_t>(fs::file_size(from, error));
@@ -261,7 +263,7 @@ bool check_cached(const FarmFolder& folder, const std::string& key,
 
 std::string part_of_delivery(const std::string& output_folder, const std::string& name,
                              const std::string& ending, const std::string& token) {
-  return output_folder + "/." + name.substr(0, 150) + "." + ending + "." + token + ".part";
+  return output_folder + "/." + result_name(name.substr(0, 150), ending) + "." + token + ".part";
 }
 
 std::vector<ResultFile> deliver(const FarmFolder& folder, const std::string& key,
@@ -313,8 +315,16 @@ std::vector<ResultFile> deliver(const FarmFolder& folder, const std::string& key
     delivered.push_back(result);
   }
   for (std::size_t i = 0; i < files.size(); ++i) {
-    const std::string place = output_folder + "/" + name + "." + files[i].ending;
+    const std::string place = output_folder + "/" + result_name(name, files[i].ending);
     if (::rename(parts.paths[i].c_str(), place.c_str()) != 0) fail(place, "can't be written");
+  }
+  // Else those who measure the new stack would count what an older one of this name left alone.
+  const auto has = [&](const char* ending) {
+    return std::any_of(files.begin(), files.end(),
+                       [&](const ResultFile& f) { return f.ending == ending; });
+  };
+  if (has(cli::kTargetEnding) && !has(cli::kLeftAloneEnding)) {
+    ::unlink((output_folder + "/" + result_name(name, cli::kLeftAloneEnding)).c_str());
   }
   slicecorr::detail::sync_folder(output_folder);
   return delivered;
@@ -323,7 +333,8 @@ std::vector<ResultFile> deliver(const FarmFolder& folder, const std::string& key
 void remove_delivery_parts(const std::string& output_folder, const std::string& name,
                            const std::string& format, const std::string& token) {
   for (const std::string& ending :
-       {format, std::string("html"), std::string("json"), format + ".slicecorr"}) {
+       {format, std::string("html"), std::string("json"), std::string(cli::kTargetEnding),
+        std::string(cli::kLeftAloneEnding), format + ".slicecorr"}) {
     ::unlink(part_of_delivery(output_folder, name, ending, token).c_str());
   }
 }

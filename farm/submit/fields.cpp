@@ -104,6 +104,10 @@ struct Field {
   Field(Member member, Schema described, Set setter)
       : set(std::move(setter)),
         show([member](JobRequest r) { return text_of_value(member(r)); }),
+        unset([member](JobRequest& r) {
+          JobRequest fresh;
+          member(r) = member(fresh);
+        }),
         schema(std::move(described)) {}
   /// With what it is for people.
   Field&& of(const std::string& words) && {
@@ -117,6 +121,7 @@ struct Field {
   }
   Set set;
   std::function<std::string(JobRequest)> show;
+  std::function<void(JobRequest&)> unset;
   Schema schema;
 };
 /// The heading of what a job makes, beside those of settings.
@@ -491,6 +496,10 @@ std::string set_field(JobRequest& request, const std::string& key, const Value& 
   const std::string error = found->second.set(request, value);
   request.said[key] = {value.where, false};
   return error.empty() ? "" : key + " " + error;
+}
+
+void unset_field(JobRequest& request, const std::string& key) {
+  fields().find(key)->second.unset(request);
 }
 
 std::string work_text(const JobRequest& request) {

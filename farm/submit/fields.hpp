@@ -32,6 +32,9 @@ std::string set_field(JobRequest& request, const std::string& key, const Value& 
 /// The setting of heights of layers, which command lines say by a table (`--layers`).
 inline constexpr const char* kLayerHeights = "layer_heights_um";
 
+/// Makes a field what it is where nobody says it.
+void unset_field(JobRequest& request, const std::string& key);
+
 /// What kind of job a request is for.
 enum class JobKind {
   meshes,               ///< to be sliced

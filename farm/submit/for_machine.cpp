@@ -11,6 +11,7 @@
 #include "slicecorr/farm/machines.hpp"
 #include "slicecorr/mesh.hpp"
 #include "submit/fields.hpp"
+#include "submit/pass_over.hpp"
 #include "support/text/ascii.hpp"
 
 namespace slicecorr::farm::detail {
@@ -24,7 +25,10 @@ std::string without_point(std::string ending) {
 
 void fit_to(JobRequest& r, const MachineSpec& machine) {
   if (is_tomographic(kind_of(r))) {
-    throw InputError("for: machines of machines.toml print layers, and the job is tomographic");
+    const std::string why =
+        "for: machines of machines.toml print layers, and the job is tomographic";
+    if (pass_over(r, "for", why)) return;
+    throw InputError(why);
   }
   std::string& printer = r.setup.printer;
   if (printer.empty()) printer = machine.printer;
@@ -57,18 +61,11 @@ void fit_to(JobRequest& r, const MachineSpec& machine) {
 
 }  // namespace
 
-std::vector<JobRequest> for_machines(std::vector<JobRequest> requests, const FarmFolder& folder) {
-  std::vector<SubmitError> errors;
-  for (JobRequest& r : requests) {
-    if (r.machine.empty()) continue;
-    try {
-      fit_to(r, machine_named(folder, r.machine));
-    } catch (const Error& e) {
-      errors.push_back({r.where, e.what(), Reason::bad_input, &r - requests.data()});
-    }
-  }
-  if (!errors.empty()) throw SubmitErrors(std::move(errors));
-  return requests;
+void fit_to_machines(std::vector<JobRequest>& requests, const FarmFolder& folder,
+                     std::vector<SubmitError>& errors) {
+  for_each_sound(requests, errors, [&](JobRequest& r) {
+    if (!r.machine.empty()) fit_to(r, machine_named(folder, r.machine));
+  });
 }
 
 }  // namespace slicecorr::farm::detail

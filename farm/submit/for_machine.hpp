@@ -9,9 +9,10 @@
 
 namespace slicecorr::farm::detail {
 
-/// The requests with what follows from their machine: its printer and the format that it reads, where
-/// the job says neither, and the label "for NAME". Throws `SubmitErrors` with all whose machine is not
-/// there, or reads another printer's files or another format.
-std::vector<JobRequest> for_machines(std::vector<JobRequest> requests, const FarmFolder& folder);
+/// Gives requests what follows from their machine: its printer and the format that it reads, where
+/// the job says neither, and the label "for NAME". Adds those whose machine is not there, or reads another
+/// printer's files or another format, to `errors`.
+void fit_to_machines(std::vector<JobRequest>& requests, const FarmFolder& folder,
+                     std::vector<SubmitError>& errors);
 
 }  // namespace slicecorr::farm::detail

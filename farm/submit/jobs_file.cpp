@@ -100,6 +100,24 @@ const char* fault_text(const CsvRow& row) {
   }
 }
 
+/// What a file has of jobs, also of those that something is wrong with, and all that is; errors of a single
+/// job have its index.
+struct Parsed {
+  std::vector<JobRequest> requests;
+  std::vector<SubmitError> errors;
+
+  void add(JobRequest request) { requests.push_back(std::move(request)); }
+  /// What was found since there were `before` errors is of the request that comes next.
+  void belongs_to_next(std::size_t before) {
+    for (std::size_t i = before; i < errors.size(); ++i) errors[i].request = std::ssize(requests);
+  }
+};
+
+std::vector<JobRequest> sound(Parsed parsed) {
+  if (!parsed.errors.empty()) throw SubmitErrors(std::move(parsed.errors));
+  return std::move(parsed.requests);
+}
+
 /// A text that can't be read at all is wrong in one way.
 template <class Read>
 auto all_of(const std::string& source, const Read& read) {
@@ -112,22 +130,12 @@ auto all_of(const std::string& source, const Read& read) {
   }
 }
 
-}  // namespace
-
-SubmitErrors::SubmitErrors(std::vector<SubmitError> errors)
-    : InputError(joined(errors)), errors_(std::move(errors)) {}
-
-bool SubmitErrors::all_infeasible() const {
-  return std::all_of(errors_.begin(), errors_.end(),
-                     [](const SubmitError& e) { return e.reason == Reason::infeasible; });
-}
-
-std::vector<JobRequest> parse_jobs_toml(const std::string& text, const std::string& source,
-                                        const JobRequest& defaults) {
+Parsed jobs_of_toml(const std::string& text, const std::string& source,
+                    const JobRequest& defaults) {
   const toml::table root = all_of(source, [&] { return parse_toml(text, source); });
-  std::vector<SubmitError> errors;
+  Parsed parsed;
+  auto& [requests, errors] = parsed;
   JobRequest common = defaults;
-  std::vector<JobRequest> requests;
   if (const toml::node* node = root.get("defaults")) {
     if (const toml::table* table = node->as_table()) {
       set_table(common, *table, source, errors);
@@ -149,25 +157,24 @@ std::vector<JobRequest> parse_jobs_toml(const std::string& text, const std::stri
     for (const toml::node& item : *list) {
       JobRequest request = common;
       request.where = line_text(source, item.source().begin.line);
+      const std::size_t before = errors.size();
       set_table(request, *item.as_table(), source, errors);
-      requests.push_back(std::move(request));
+      parsed.belongs_to_next(before);
+      parsed.add(std::move(request));
     }
   }
   if (requests.empty() && errors.empty()) errors.push_back({source, "has no [[job]]"});
-  if (!errors.empty()) {
-    std::stable_sort(errors.begin(), errors.end(), [](const SubmitError& a, const SubmitError& b) {
-      return a.where.size() != b.where.size() ? a.where.size() < b.where.size() : a.where < b.where;
-    });
-    throw SubmitErrors(std::move(errors));
-  }
-  return requests;
+  std::stable_sort(errors.begin(), errors.end(), [](const SubmitError& a, const SubmitError& b) {
+    return a.where.size() != b.where.size() ? a.where.size() < b.where.size() : a.where < b.where;
+  });
+  return parsed;
 }
 
-std::vector<JobRequest> parse_jobs_csv(const std::string& text, const std::string& source,
-                                       const JobRequest& defaults) {
+Parsed jobs_of_csv(const std::string& text, const std::string& source, const JobRequest& defaults) {
   const std::vector<CsvRow> rows = csv_rows(text, source);
   if (rows.empty()) throw SubmitErrors({{source, "is empty; expected a header row and jobs"}});
-  std::vector<SubmitError> errors;
+  Parsed parsed;
+  auto& [requests, errors] = parsed;
   const std::vector<std::string>& header = rows[0].cells;
   const std::vector<std::string> known = detail::field_names();
   for (std::size_t i = 0; i < header.size(); ++i) {
@@ -187,34 +194,65 @@ std::vector<JobRequest> parse_jobs_csv(const std::string& text, const std::strin
   if (rows[0].fault != CsvRow::Fault::none) {
     errors.push_back({line_text(source, rows[0].line), fault_text(rows[0])});
   }
-  if (!errors.empty()) throw SubmitErrors(std::move(errors));
-  std::vector<JobRequest> requests;
+  if (!errors.empty()) return parsed;
   for (std::size_t n = 1; n < rows.size(); ++n) {
     const CsvRow& row = rows[n];
     JobRequest request = defaults;
     request.where = line_text(source, row.line);
+    const std::size_t before = errors.size();
     if (row.fault != CsvRow::Fault::none) {
       errors.push_back({request.where, fault_text(row)});
-      continue;
-    }
-    if (row.cells.size() != header.size()) {
+    } else if (row.cells.size() != header.size()) {
       errors.push_back({request.where, fmt::format("has {} fields, expected {} as in the header",
                                                    row.cells.size(), header.size())});
-      continue;
     }
-    for (std::size_t i = 0; i < header.size(); ++i) {
+    const bool whole = errors.size() == before;
+    for (std::size_t i = 0; whole && i < header.size(); ++i) {
       if (row.cells[i].empty()) continue;  // not said
       Value v{row.cells[i], true, request.where};
       if (const std::string error = set_field(request, header[i], v); !error.empty()) {
         errors.push_back({request.where, error});
       }
     }
-    requests.push_back(std::move(request));
+    parsed.belongs_to_next(before);
+    parsed.add(std::move(request));
   }
   if (requests.empty() && errors.empty())
     errors.push_back({source, "has no jobs below its header"});
-  if (!errors.empty()) throw SubmitErrors(std::move(errors));
-  return requests;
+  return parsed;
+}
+
+Parsed jobs_of_file(const std::string& path, const JobRequest& defaults) {
+  const std::string text = all_of(path, [&] { return read_text_file(path); });
+  const std::string folder = fs::absolute(path).parent_path().string();
+  JobRequest common = defaults;
+  // What the command line says is meant from where it is said.
+  detail::make_paths_absolute(common, fs::current_path().string());
+  detail::make_defaults(common);
+  Parsed parsed =
+      path.ends_with(".csv") ? jobs_of_csv(text, path, common) : jobs_of_toml(text, path, common);
+  for (JobRequest& r : parsed.requests) detail::make_paths_absolute(r, folder);
+  return parsed;
+}
+
+}  // namespace
+
+SubmitErrors::SubmitErrors(std::vector<SubmitError> errors)
+    : InputError(joined(errors)), errors_(std::move(errors)) {}
+
+bool SubmitErrors::all_infeasible() const {
+  return std::all_of(errors_.begin(), errors_.end(),
+                     [](const SubmitError& e) { return e.reason == Reason::infeasible; });
+}
+
+std::vector<JobRequest> parse_jobs_toml(const std::string& text, const std::string& source,
+                                        const JobRequest& defaults) {
+  return sound(jobs_of_toml(text, source, defaults));
+}
+
+std::vector<JobRequest> parse_jobs_csv(const std::string& text, const std::string& source,
+                                       const JobRequest& defaults) {
+  return sound(jobs_of_csv(text, source, defaults));
 }
 
 std::vector<JobRequest> parse_jobs_json(const std::string& text, const std::string& source,
@@ -299,16 +337,18 @@ std::vector<JobRequest> parse_jobs_json(const std::string& text, const std::stri
 }
 
 std::vector<JobRequest> read_jobs_file(const std::string& path, const JobRequest& defaults) {
-  const std::string text = all_of(path, [&] { return read_text_file(path); });
-  const std::string folder = fs::absolute(path).parent_path().string();
-  JobRequest common = defaults;
-  // What the command line says is meant from where it is said.
-  detail::make_paths_absolute(common, fs::current_path().string());
-  detail::make_defaults(common);
-  std::vector<JobRequest> requests = path.ends_with(".csv") ? parse_jobs_csv(text, path, common)
-                                                            : parse_jobs_toml(text, path, common);
-  for (JobRequest& r : requests) detail::make_paths_absolute(r, folder);
-  return requests;
+  return sound(jobs_of_file(path, defaults));
+}
+
+std::vector<JobRequest> read_jobs_to_check(const std::string& path, const JobRequest& defaults) {
+  Parsed parsed = jobs_of_file(path, defaults);
+  const bool of_jobs = std::all_of(parsed.errors.begin(), parsed.errors.end(),
+                                   [](const SubmitError& e) { return e.request >= 0; });
+  if (!of_jobs) return sound(std::move(parsed));
+  for (SubmitError& e : parsed.errors) {
+    parsed.requests[static_cast<std::size_t>(e.request)].wrong.push_back(std::move(e));
+  }
+  return std::move(parsed.requests);
 }
 
 }  // namespace slicecorr::farm

@@ -13,6 +13,7 @@
 #include "slicecorr/stack.hpp"
 #include "submit/fields.hpp"
 #include "submit/heights.hpp"
+#include "submit/pass_over.hpp"
 
 namespace slicecorr::farm::detail {
 
@@ -58,19 +59,24 @@ std::unique_ptr<const SliceSource> part_of(const JobRequest& r, const Setup& set
 
 void plan(JobRequest& r, const std::string& scratch_folder, const ExecutionContext& context) {
   if (is_tomographic(kind_of(r))) {
+    if (r.said["plan"].default_) return;  // passed over, as other defaults of the kind
     throw InputError(named(r, "plan") + " has no place in a tomographic print");
   }
   const bool layerwise = r.setup.mode == "layerwise";
   for (const char* key : {"speed_mm_h", "exposure_s"}) {
-    if (r.said.contains(key)) {
-      throw InputError(fmt::format("{} is what {} finds; expected one of them", named(r, key),
-                                   named(r, "plan")));
-    }
+    if (!r.said.contains(key)) continue;
+    const std::string why =
+        fmt::format("{} is what {} finds; expected one of them", named(r, key), named(r, "plan"));
+    if (pass_over(r, key, why)) continue;
+    if (pass_over(r, "plan", why)) return;
+    throw InputError(why);
   }
-  SetupChoices choices = r.setup;
-  (layerwise ? choices.exposure_s : choices.speed_mm_h) = 1;
-  const Setup setup = resolve_setup(choices, nullptr, nullptr,
-                                    r.as_options ? ChoiceNames::options : ChoiceNames::fields);
+  const Setup setup = resolve_passing_over(r, [&](const JobRequest& one) {
+    SetupChoices choices = one.setup;
+    (layerwise ? choices.exposure_s : choices.speed_mm_h) = 1;
+    return resolve_setup(choices, nullptr, nullptr,
+                         r.as_options ? ChoiceNames::options : ChoiceNames::fields);
+  });
   PlanAsk ask;
   ask.curve_points = ask.tolerance_points = 0;
   ask.stage = load_stage_change(r.setup.printer);
@@ -95,25 +101,11 @@ void plan(JobRequest& r, const std::string& scratch_folder, const ExecutionConte
 
 }  // namespace
 
-std::vector<JobRequest> planned(const std::vector<JobRequest>& requests,
-                                const std::string& scratch_folder,
-                                const ExecutionContext& context) {
-  std::vector<JobRequest> out = requests;
-  std::vector<SubmitError> errors;
-  for (JobRequest& r : out) {
-    if (!r.plan) continue;
-    try {
-      plan(r, scratch_folder, context);
-    } catch (const Cancelled&) {
-      throw;
-    } catch (const InfeasibleError& e) {
-      errors.push_back({r.where, e.what(), Reason::infeasible, &r - out.data()});
-    } catch (const Error& e) {
-      errors.push_back({r.where, e.what(), Reason::bad_input, &r - out.data()});
-    }
-  }
-  if (!errors.empty()) throw SubmitErrors(std::move(errors));
-  return out;
+void plan_all(std::vector<JobRequest>& requests, const std::string& scratch_folder,
+              const ExecutionContext& context, std::vector<SubmitError>& errors) {
+  for_each_sound(requests, errors, [&](JobRequest& r) {
+    if (r.plan) plan(r, scratch_folder, context);
+  });
 }
 
 }  // namespace slicecorr::farm::detail

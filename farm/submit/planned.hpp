@@ -11,10 +11,10 @@
 
 namespace slicecorr::farm::detail {
 
-/// The requests with the speed, or layer by layer the exposure, that plan_print finds for the part of
-/// each that asks for one, a label that says it, and words about it. `scratch_folder`: for archives.
-/// Throws `SubmitErrors` with all for which none is found.
-std::vector<JobRequest> planned(const std::vector<JobRequest>& requests,
-                                const std::string& scratch_folder, const ExecutionContext& context);
+/// Gives requests that ask for it the speed, or layer by layer the exposure, that plan_print finds for the part
+/// of each, a label that says it, and words about it. `scratch_folder`: for archives. Adds those for which none
+/// is found to `errors`.
+void plan_all(std::vector<JobRequest>& requests, const std::string& scratch_folder,
+              const ExecutionContext& context, std::vector<SubmitError>& errors);
 
 }  // namespace slicecorr::farm::detail

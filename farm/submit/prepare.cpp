@@ -13,6 +13,7 @@
 #include <set>
 #include <tuple>
 
+#include "programs/common/database_band.hpp"
 #include "programs/common/mesh_options.hpp"
 #include "programs/common/part_slices.hpp"
 #include "programs/common/setup_options.hpp"
@@ -31,13 +32,17 @@
 #include "submit/fields.hpp"
 #include "submit/for_machine.hpp"
 #include "submit/heights.hpp"
+#include "submit/pass_over.hpp"
 #include "submit/planned.hpp"
+#include "submit/resolved.hpp"
 #include "submit/tomographic.hpp"
 #include "support/toml/toml_table.hpp"
 
 namespace slicecorr::farm {
 
 namespace fs = std::filesystem;
+using detail::Checked;
+using detail::Resolved;
 
 namespace {
 
@@ -46,48 +51,24 @@ constexpr double kGuessedVoxelsPerS = 60e6;
 /// Where columns are corrected together, in twenty rounds.
 constexpr double kTimesOfTogether = 15;
 constexpr double kGuessedBytesPerVoxel = 0.02;
+/// Of the design that lies beside a stack of meshes.
+constexpr double kGuessedBytesOfDesign = 0.03;
 constexpr double kReportBytes = 2e6;
-
-/// Longest name of an output: endings, tokens and dots are added to it.
-constexpr std::size_t kLongestName = 150;
-
-/// What is found out of inputs that are worked on in the same way.
-struct Checked {
-  std::string error;
-  Reason reason = Reason::none;  ///< of the error
-  int layers = 0;
-  MemoryFacts memory;
-  detail::TomoNeeds tomo;  ///< of tomographic prints, in place of `memory`
-};
-
-/// What a request comes to, before inputs are read.
-struct Resolved {
-  bool mesh = false;
-  Setup setup;
-  std::string setup_json, setup_hash;
-  WorkSpec spec;  ///< without inputs; angles as they were asked for
-  std::int64_t ready_by_ms = kNoDeadline;
-  std::size_t checked = 0;  ///< index
-};
-
-/// Parts, then what is left alone beside them and meshes inside, or of tomographic jobs inserts.
-std::vector<std::string> inputs_of(const JobRequest& r) {
-  std::vector<std::string> list = r.parts;
-  if (!detail::is_tomographic(detail::kind_of(r))) {
-    list.insert(list.end(), r.leave_alone.begin(), r.leave_alone.end());
-    list.insert(list.end(), r.part_inside.begin(), r.part_inside.end());
-  } else {
-    list.insert(list.end(), r.inserts.begin(), r.inserts.end());
-  }
-  return list;
-}
 
 /// All that decides what is found out, as one text.
 std::string signature(const JobRequest& r) {
   std::string text = detail::work_text(r);
   // What planning adds.
   for (const double v : r.setup.slice_speed_mm_h) text += fmt::format("v{}\n", v);
+  // A default may be passed over where the same is refused that the job says itself.
+  for (const auto& [key, said] : r.said) {
+    if (said.default_) text += "default " + key + "\n";
+  }
   return text + r.setup.slice_lamps;
+}
+
+ChoiceNames names_of(const JobRequest& r) {
+  return r.as_options ? ChoiceNames::options : ChoiceNames::fields;
 }
 
 /// The archive's format and ending, from what was asked for and, for archives, what they are.
@@ -134,8 +115,7 @@ void check_format(const JobRequest& r, const Resolved& w, const std::string& inp
   if (w.spec.tomo) return;
   StackFile made("out." + w.spec.ending);
   made.format = w.spec.format;
-  check_lifts(made, w.setup.process, r.setup.mode == "continuous",
-              r.as_options ? ChoiceNames::options : ChoiceNames::fields);
+  check_lifts(made, w.setup.process, r.setup.mode == "continuous", names_of(r));
   if (w.spec.kind == "correct" && w.spec.format == input_format) return;
   check_can_be_made(made, !w.setup.process.layer_heights_um.empty());
 }
@@ -157,141 +137,12 @@ std::int64_t parse_ready_by(const std::string& text, std::int64_t now_ms) {
   throw InputError("ready_by is '" + text + "', expected HH:MM or YYYY-MM-DD HH:MM");
 }
 
-/// Asks the physics, of the places that the part is printed at where light is uneven.
-void plan(const SliceSource& slices, const Setup& setup, const JobRequest& r,
-          const ExecutionContext& context, Checked& c) {
-  const bool left_alone = !r.leave_alone.empty() || !r.part_inside.empty();
-  check_correction(setup, {left_alone, false});
-  const Grid& grid = slices.grid();
-  // What is ready in the morning is to print.
-  const std::string refused = cli::refused_by_machine(
-      setup, r.setup.printer, grid, r.as_options ? ChoiceNames::options : ChoiceNames::fields);
-  if (!refused.empty()) throw InfeasibleError(refused);
-  const bool uneven = light_is_uneven(setup.printer, setup.process);
-  const CorrectionPlan plan = uneven
-                                  ? plan_correction(slices, setup, context)
-                                  : plan_correction(GridOnly(grid, slices.frame()), setup, context);
-  judge_suction(slices, setup, context);
-  c.layers = grid.layers;
-  c.memory.width_px = grid.width_px;
-  c.memory.left_alone = left_alone;
-  c.memory.together = corrects_together(setup) && !left_alone && !uneven;
-  look_at_light(slices, setup.printer, setup.process, plan, c.memory);
-}
-
-void check_meshes(const JobRequest& r, const Setup& setup, const std::string& scratch_folder,
-                  const ExecutionContext& context, Checked& c) {
-  cli::MeshOptions o = detail::mesh_options_of(r);
-  o.shrinkage = setup.resin.shrinkage;
-  cli::PartFacts facts;
-  const cli::PartSlices slices(
-      o, setup.printer,
-      {LayerHeights(setup.process.layer_heights_um), Surface::slices, r.leave_alone}, context,
-      &facts);
-  c.memory.triangles = facts.triangles;
-  plan(*slices, setup, r, context, c);
-  const LeftAloneFiles target(*slices, r.leave_alone, slices.place(), setup.printer, scratch_folder,
-                              context);
-  const PixelBox box = (*target).bounds();
-  c.memory.voxels = std::int64_t{c.layers} * box.width() * box.height();
-}
-
-/// How the meshes of a request are turned and scaled.
-cli::MeshOptions turns_of(const JobRequest& r) {
-  cli::MeshOptions o;
-  o.units = r.units;
-  o.scale = r.scale;
-  o.rotate_deg = r.rotate_deg;
-  return o;
-}
-
-void check_archive(const JobRequest& r, const Setup& setup, const std::string& scratch_folder,
-                   const ExecutionContext& context, Checked& c) {
-  const StackInfo info = StackReader::read_info(r.parts[0]);
-  MissingFacts facts;
-  facts.layer_um = r.layer_um;
-  facts.pixel_x_um = setup.printer.pixel_x_um;
-  facts.pixel_y_um = setup.printer.pixel_y_um;
-  Grid grid = info.grid;
-  if (grid.layer_um <= 0) grid.layer_um = facts.layer_um;
-  if (grid.layer_um <= 0) {
-    throw InputError(r.parts[0], "",
-                     std::string("does not say its layer height; expected ") +
-                         (r.as_options ? "--layer-um" : "layer_um"));
-  }
-  if (grid.pixel_x_um <= 0) {
-    grid.pixel_x_um = facts.pixel_x_um;
-    grid.pixel_y_um = facts.pixel_y_um;
-  }
-  const GridOnly target(grid, image_frame(info));
-  std::optional<StackReader> images;
-  if (light_is_uneven(setup.printer, setup.process) || judges_suction(setup) ||
-      !r.part_inside.empty()) {
-    images.emplace(r.parts[0], scratch_folder, context, facts);
-    plan(*images, setup, r, context, c);
-  } else {
-    plan(target, setup, r, context, c);
-  }
-  const LeftAloneFiles left(images ? static_cast<const SliceSource&>(*images) : target,
-                            r.leave_alone, {}, setup.printer, scratch_folder, context,
-                            cli::parts_inside(r.part_inside, turns_of(r)));
-  c.memory.voxels = std::int64_t{grid.layers} * grid.width_px * grid.height_px;
-}
-
-/// Reads the inputs as a worker will.
-Checked check_inputs(const JobRequest& r, const Resolved& w, const std::string& scratch_folder,
-                     const ExecutionContext& context) {
-  Checked c;
-  try {
-    if (w.spec.tomo) {
-      c.tomo = detail::look_at_tomographic(w.spec, inputs_of(r), w.setup.printer, w.setup.resin,
-                                           context);
-      c.layers = c.tomo.slices;
-    } else if (w.mesh) {
-      check_meshes(r, w.setup, scratch_folder, context, c);
-    } else {
-      check_archive(r, w.setup, scratch_folder, context, c);
-    }
-  } catch (const Cancelled&) {
-    throw;
-  } catch (const InfeasibleError& e) {
-    c.error = e.what();
-    c.reason = Reason::infeasible;
-  } catch (const Error& e) {
-    c.error = e.what();
-    c.reason = Reason::bad_input;
-  }
-  return c;
-}
-
 std::string rate_class_of(const Resolved& w, int slices) {
   if (w.spec.tomo) return detail::tomo_rate_class(*w.spec.tomo, slices);
   const Process& p = w.setup.process;
   return fmt::format(
       "{} {}{}{}", w.spec.kind, p.mode == ExposureMode::layerwise ? "layerwise" : "continuous",
       p.uv.kind == UvKind::off ? "" : " uv", corrects_together(w.setup) ? " together" : "");
-}
-
-std::string problem_of_name(const std::string& name) {
-  if (name.empty() || name == "." || name == "..") return "is no file name";
-  if (name.size() > kLongestName) return fmt::format("has more than {} bytes", kLongestName);
-  for (const char c : name) {
-    if (c == '/' || static_cast<unsigned char>(c) < 0x20)
-      return "has a slash or a control character";
-  }
-  return {};
-}
-
-/// Whether files can be made in the folder, or the folder itself.
-bool can_write(const std::string& folder) {
-  for (fs::path at = folder;; at = at.parent_path()) {
-    std::error_code error;
-    const fs::file_status status = fs::status(at, error);
-    if (fs::exists(status)) {
-      return fs::is_directory(status) && ::access(at.c_str(), W_OK | X_OK) == 0;
-    }
-    if (at == at.parent_path()) return false;
-  }
 }
 
 /// When it throws, what was put into the store for it goes again: nothing needs it, and the disk
@@ -317,28 +168,55 @@ auto unless_it_fails(const FarmFolder& folder, Queue& queue, InputLock& lock, Ac
   }
 }
 
+/// With `fit_mm` made a scale, and PART*N so many parts.
+void scale_all(std::vector<JobRequest>& requests, std::vector<SubmitError>& errors) {
+  detail::for_each_sound(requests, errors, [](JobRequest& r) {
+    detail::expand_copies(r);
+    const std::vector<std::string>& meshes = r.part_inside.empty() ? r.parts : r.part_inside;
+    if (r.fit_mm <= 0 || !std::all_of(meshes.begin(), meshes.end(), is_mesh_name)) return;
+    if (r.scale != 1) {
+      throw InputError(r.as_options ? "--fit-mm and --scale exclude each other"
+                                    : "fit_mm and scale exclude each other");
+    }
+    cli::MeshOptions o;
+    o.parts = meshes;
+    o.units = r.units;
+    o.rotate_deg = r.rotate_deg;
+    o.fit_mm = r.fit_mm;
+    if (r.part_inside.empty()) o.plate = r.plate;
+    r.scale = o.placement().scale;
+  });
+}
+
 class Preparation {
  public:
-  Preparation(const std::vector<JobRequest>& requests, const FarmFolder& folder, Queue& queue,
+  Preparation(std::vector<JobRequest> requests, const FarmFolder& folder, Queue& queue,
               const std::string& user, const ExecutionContext& context)
-      : requests_(requests), folder_(folder), queue_(queue), user_(user), context_(context) {}
+      : requests_(std::move(requests)),
+        folder_(folder),
+        queue_(queue),
+        user_(user),
+        context_(context) {}
 
   Submission run(bool store) {
+    for (JobRequest& r : requests_) {
+      for (const SubmitError& e : r.wrong) refuse_at(r, e);
+    }
+    detail::fit_to_machines(requests_, folder_, errors_);
+    // Jobs are recorded with a scale, whatever was said.
+    scale_all(requests_, errors_);
+    detail::plan_all(requests_, folder_.store, context_, errors_);
     resolve_all();
-    check_defaults();
+    detail::check_defaults(requests_, errors_);
     check_all();
-    check_outputs();
+    detail::check_outputs(requests_, resolved_, queue_, errors_);
     if (!errors_.empty()) {
       // In the order of the requests, whatever was found out first.
       std::stable_sort(errors_.begin(), errors_.end(),
-                       [](const auto& a, const auto& b) { return a.first < b.first; });
-      std::vector<SubmitError> list;
-      for (auto& [index, error] : errors_) {
-        error.request = index;
-        list.push_back(std::move(error));
-      }
-      throw SubmitErrors(std::move(list));
+                       [](const auto& a, const auto& b) { return a.request < b.request; });
+      throw SubmitErrors(std::move(errors_));
     }
+    tell_passed_over();
     if (!store) {
       for (const std::string& part : parts()) {
         context_.check_cancelled();
@@ -362,68 +240,79 @@ class Preparation {
 
  private:
   void refuse(const JobRequest& r, const std::string& message, Reason reason = Reason::bad_input) {
-    errors_.emplace_back(&r - requests_.data(), SubmitError{r.where, message, reason});
+    refuse_at(r, {r.where, message, reason});
+  }
+  void refuse_at(const JobRequest& r, SubmitError error) {
+    error.request = &r - requests_.data();
+    errors_.push_back(std::move(error));
   }
 
   void resolve_all() {
     std::map<std::string, std::size_t> known;  // signature to the first request that has it
     resolved_.resize(requests_.size());
     const std::int64_t now = system_clock().wall_ms();
-    for (std::size_t i = 0; i < requests_.size(); ++i) {
+    detail::for_each_sound(requests_, errors_, [&](JobRequest& r) {
       context_.check_cancelled();
-      const JobRequest& r = requests_[i];
+      const auto i = static_cast<std::size_t>(&r - requests_.data());
       Resolved& w = resolved_[i];
       if (r.parts.empty()) {
-        refuse(r, "no part; expected a mesh, an archive of slices or a volume");
-        continue;
+        throw InputError("no part; expected a mesh, an archive of slices or a volume");
       }
-      if (!check_fields(r)) continue;
-      const auto [found, fresh] = known.emplace(signature(r), i);
-      if (!fresh) {
+      if (!check_fields(r)) return;
+      const auto [found, first] = known.emplace(signature(r), i);
+      // What was refused may have been so for what these two do not share; else it is told of both.
+      const bool fresh = first || resolved_[found->second].setup_json.empty();
+      if (fresh) {
+        found->second = i;
+      } else {
         w = resolved_[found->second];
-        if (w.setup_json.empty()) continue;  // refused already
+        for (const auto& [key, why] : requests_[found->second].passed_over) {
+          detail::pass_over(r, key, why.message);
+        }
       }
       try {
         if (fresh) {
           resolve(r, w);
-          tell_definitions(w.setup);
+          if (!w.spec.tomo) w.spec.warnings = cli::unmeasured_in_words(r.setup, w.setup);
+          tell_definitions(w);
         }
         w.ready_by_ms = parse_ready_by(r.ready_by, now);
         choose_format(r, input_format_[r.parts[0]], w.spec);
         check_format(r, w, input_format_[r.parts[0]]);
-      } catch (const Error& e) {
-        refuse(r, e.what());
+      } catch (const Error&) {
         w.setup_json.clear();
-        continue;
+        throw;
       }
       if (fresh) {
         w.checked = distinct_.size();
         distinct_.push_back(i);
       }
-    }
+    });
   }
 
   /// Words of their files that nothing reads, that a resin is of another wavelength, or its seconds of
   /// another display's light: once for each pair of resin and printer.
-  void tell_definitions(const Setup& setup) {
+  void tell_definitions(const Resolved& w) {
+    const Setup& setup = w.setup;
     std::vector<std::string> told = setup.printer.unread.sentences;
     const auto& of_resin = setup.resin.unread.sentences;
     told.insert(told.end(), of_resin.begin(), of_resin.end());
     told.push_back(other_wavelength_in_words(setup.printer, setup.resin,
                                              setup.process.uv.kind != UvKind::off));
     told.push_back(other_display_in_words(setup.printer, setup.resin));
+    told.push_back(assumption_in_words(setup.printer, setup.resin, setup.process));
+    told.insert(told.end(), w.spec.warnings.begin(), w.spec.warnings.end());
     for (const std::string& words : told) {
       if (!words.empty() && told_.insert(words).second) context_.tell(words);
     }
   }
 
-  /// Refuses what was said for another kind of job, where it stands; a default for other jobs is
-  /// passed over, and remembered.
+  /// Refuses what was said for another kind of job, where it stands.
   bool check_fields(const JobRequest& r) {
     const detail::JobKind kind = detail::kind_of(r);
-    const std::ptrdiff_t index = &r - requests_.data();
     std::vector<SubmitError> wrong;
     for (const auto& [key, said] : r.said) {
+      if (said.default_) continue;
       std::string name = key;
       if (r.as_options) {
         if (key == detail::kLayerHeights) name = "layers";
@@ -431,29 +320,31 @@ class Preparation {
         name.insert(0, "--");
       }
       const std::string error = detail::misfit(key, name, kind);
-      if (said.default_) {
-        Default& d = defaults_[{said.where, key}];
-        d = {d.fits || error.empty(), error, index};
-      } else if (!error.empty()) {
-        wrong.push_back({said.where, error});
-      }
+      if (!error.empty()) wrong.push_back({said.where, error});
     }
     // In the order of their lines.
     std::sort(wrong.begin(), wrong.end(), [](const SubmitError& a, const SubmitError& b) {
       return std::pair(a.where.size(), a.where) < std::pair(b.where.size(), b.where);
     });
-    for (const SubmitError& error : wrong) errors_.emplace_back(index, error);
+    for (const SubmitError& error : wrong) refuse_at(r, error);
     return wrong.empty();
   }
 
-  /// A default that fits none of the jobs was meant otherwise.
-  void check_defaults() {
-    for (const auto& [place, d] : defaults_) {
-      if (!d.fits) errors_.emplace_back(d.index, SubmitError{place.first, d.error});
+  /// Once for each default, however many jobs it was left out of.
+  void tell_passed_over() {
+    std::map<std::string, int> told;
+    for (const JobRequest& r : requests_) {
+      for (const auto& [key, left_out] : r.passed_over) {
+        ++told[fmt::format("{}: the default {} is passed over where it has no place ({})",
+                           left_out.where, key, left_out.message)];
+      }
+    }
+    for (const auto& [words, jobs] : told) {
+      context_.tell(fmt::format("{}: {} of {} jobs", words, jobs, requests_.size()));
     }
   }
 
-  void resolve(const JobRequest& r, Resolved& w) {
+  void resolve(JobRequest& r, Resolved& w) {
     const auto meshes =
         static_cast<std::size_t>(std::count_if(r.parts.begin(), r.parts.end(), is_mesh_name));
     w.mesh = meshes == r.parts.size();
@@ -471,7 +362,7 @@ class Preparation {
     } else if (kind == detail::JobKind::tomographic_volume ? r.parts.size() > 1 : !w.mesh) {
       throw InputError("expected meshes, or one volume (.npy), to print tomographically");
     }
-    for (const std::string& part : inputs_of(r)) {
+    for (const std::string& part : detail::inputs_of(r)) {
       std::error_code error;
       if (!fs::exists(part, error)) throw InputError(part, "", "is not there");
       if (fs::is_directory(part, error)) {
@@ -515,8 +406,13 @@ class Preparation {
         }
         chosen.layer_heights_um = cli::adaptive_heights_of(mesh, r.leave_alone, r.adaptive_um).um();
       }
-      w.setup = resolve_setup(chosen, r.like.get(), r.like.get(),
-                              r.as_options ? ChoiceNames::options : ChoiceNames::fields);
+      const std::vector<double> heights_um = chosen.layer_heights_um;
+      w.setup = detail::resolve_passing_over(r, [&](const JobRequest& one) {
+        chosen = one.setup;
+        chosen.layer_um = one.layer_um;
+        chosen.layer_heights_um = heights_um;
+        return resolve_setup(chosen, one.like.get(), one.like.get(), names_of(one));
+      });
     } else {
       const StackInfo info = StackReader::read_info(r.parts[0]);
       check_design(info, r.parts[0]);
@@ -526,10 +422,12 @@ class Preparation {
         w.spec.scale = r.scale;
         w.spec.rotate_deg = r.rotate_deg;
       }
-      SetupChoices chosen = r.setup;
-      chosen.layer_heights_um.clear();  // a default for meshes
-      w.setup = resolve_setup(chosen, r.like.get(), r.like ? r.like.get() : &info,
-                              r.as_options ? ChoiceNames::options : ChoiceNames::fields);
+      w.setup = detail::resolve_passing_over(r, [&](const JobRequest& one) {
+        SetupChoices chosen = one.setup;
+        chosen.layer_heights_um.clear();  // a default for meshes
+        return resolve_setup(chosen, one.like.get(), one.like ? one.like.get() : &info,
+                             names_of(one));
+      });
     }
     if (r.robust && r.uncertain.empty()) {
       throw InputError(fmt::format(
@@ -539,8 +437,7 @@ class Preparation {
     }
     if (r.uncertain.empty() && w.setup.uncertainty) w.spec.uncertain = kAssumedUncertainty;
     if (!r.uncertain.empty()) {
-      w.setup.uncertainty = chosen_uncertainty(
-          r.uncertain, w.setup, r.setup, r.as_options ? ChoiceNames::options : ChoiceNames::fields);
+      w.setup.uncertainty = chosen_uncertainty(r.uncertain, w.setup, r.setup, names_of(r));
       w.setup.uncertainty->robust = w.spec.robust = r.robust;
       w.spec.uncertain = r.uncertain;
       if (w.setup.uncertainty->from_fit) {
@@ -559,7 +456,7 @@ class Preparation {
     one.cancel = context_.cancel;
     parallel_for(context_, "checking parts", distinct_.size(), [&](std::size_t n) {
       const std::size_t i = distinct_[n];
-      checked_[n] = check_inputs(requests_[i], resolved_[i], folder_.store, one);
+      checked_[n] = detail::check_inputs(requests_[i], resolved_[i], folder_.store, one);
     });
     for (std::size_t i = 0; i < requests_.size(); ++i) {
       if (resolved_[i].setup_json.empty()) continue;
@@ -568,53 +465,12 @@ class Preparation {
     }
   }
 
-  std::string name_of_copy(const JobRequest& r, int copy) const {
-    const std::string name =
-        r.name.empty() && !r.parts.empty() ? detail::stem_of(r.parts[0]) : r.name;
-    return copy == 1 ? name : fmt::format("{}-{}", name, copy);
-  }
-
-  void check_outputs() {
-    std::map<std::string, std::string> written;  // output without ending, to who writes it
-    std::map<std::string, bool> writable;
-    std::set<std::string> inputs;
-    for (const JobRequest& r : requests_) {
-      for (const std::string& input : inputs_of(r)) inputs.insert(input);
-    }
-    for (std::size_t i = 0; i < requests_.size(); ++i) {
-      const JobRequest& r = requests_[i];
-      if (r.parts.empty()) continue;
-      if (const std::string problem = problem_of_name(name_of_copy(r, 1)); !problem.empty()) {
-        refuse(r, fmt::format("name '{}' {}", name_of_copy(r, 1), problem));
-        continue;
-      }
-      if (r.out.empty()) continue;
-      const auto [known, fresh] = writable.emplace(r.out, false);
-      if (fresh) known->second = can_write(r.out);
-      if (!known->second) refuse(r, fmt::format("{}: nothing can be written there", r.out));
-      for (int copy = 1; copy <= r.copies; ++copy) {
-        const std::string output = r.out + "/" + name_of_copy(r, copy);
-        const auto [other, first] = written.emplace(output, r.where);
-        if (!first) {
-          refuse(r, fmt::format("{} is written by {}, too; expected another name or folder", output,
-                                other->second));
-        } else if (const JobId id = queue_.unfinished_output(r.out, name_of_copy(r, copy))) {
-          refuse(r, fmt::format("{} will be written by job {}, which is not finished", output, id));
-        }
-        const std::string archive = output + "." + resolved_[i].spec.ending;
-        if (inputs.contains(archive)) {
-          refuse(r, fmt::format("{} is an input; expected another name or folder", archive));
-        }
-      }
-    }
-  }
-
   /// Each once, in order.
   std::vector<std::string> parts() const {
     std::vector<std::string> list;
     std::set<std::string> seen;
     for (const JobRequest& r : requests_) {
-      for (const std::string& part : inputs_of(r)) {
+      for (const std::string& part : detail::inputs_of(r)) {
         if (seen.insert(part).second) list.push_back(part);
       }
     }
@@ -631,7 +487,7 @@ class Preparation {
       const Checked& c = checked_[w.checked];
       NewJob j;
       WorkSpec spec = w.spec;
-      for (const std::string& part : inputs_of(r)) {
+      for (const std::string& part : detail::inputs_of(r)) {
         const StoredInput& in = stored_.at(part);
         spec.inputs.push_back({in.file, in.sha256, part});
         j.work.input_files.push_back(in.file);
@@ -660,9 +516,10 @@ class Preparation {
                              : c.memory.together ? kGuessedVoxelsPerS / kTimesOfTogether
                                                  : kGuessedVoxelsPerS;
       j.expected_s = kFixedJobS + units / (measured ? rate->second.units_per_s : guessed);
+      const double guessed_bytes = kGuessedBytesPerVoxel + (w.mesh ? kGuessedBytesOfDesign : 0);
       const double bytes = spec.tomo  ? static_cast<double>(c.tomo.bytes)
                            : measured ? units * rate->second.bytes_per_unit
-                                      : units * kGuessedBytesPerVoxel + kReportBytes;
+                                      : units * guessed_bytes + kReportBytes;
       // The cache's copy and the delivered one.
       j.expected_bytes = static_cast<std::int64_t>(2 * bytes);
       j.user = r.user.empty() ? user_ : r.user;
@@ -673,7 +530,7 @@ class Preparation {
       j.priority = r.priority;
       j.ready_by_ms = w.ready_by_ms;
       for (int copy = 1; copy <= r.copies; ++copy) {
-        j.name = name_of_copy(r, copy);
+        j.name = detail::name_of_copy(r, copy);
         // Some formats write the file's name into the archive.
         spec.name = spec.format == "uvj" || spec.tomo ? "" : j.name;
         if (copy == 1 || !spec.name.empty()) {
@@ -699,20 +556,12 @@ class Preparation {
     return submission;
   }
 
-  const std::vector<JobRequest>& requests_;
+  std::vector<JobRequest> requests_;
   const FarmFolder& folder_;
   Queue& queue_;
   const std::string& user_;
   const ExecutionContext& context_;
-  /// A default that was said for all jobs: whether it fits one, else why not, and the request that
-  /// it did not fit.
-  struct Default {
-    bool fits = false;
-    std::string error;
-    std::ptrdiff_t index = 0;
-  };
-  std::vector<std::pair<std::ptrdiff_t, SubmitError>> errors_;       ///< with the request's index
-  std::map<std::pair<std::string, std::string>, Default> defaults_;  ///< by place and key
+  std::vector<SubmitError> errors_;
   std::vector<Resolved> resolved_;
   std::vector<std::size_t> distinct_;  ///< requests whose inputs are looked at
   std::vector<Checked> checked_;       ///< of these
@@ -723,48 +572,9 @@ class Preparation {
 
 }  // namespace
 
-namespace {
-
-/// With `fit_mm` made a scale, and PART*N so many parts.
-std::vector<JobRequest> with_scales(std::vector<JobRequest> requests) {
-  std::vector<SubmitError> errors;
-  for (JobRequest& r : requests) {
-    try {
-      detail::expand_copies(r);
-    } catch (const InputError& e) {
-      errors.push_back({r.where, e.what(), Reason::bad_input, &r - requests.data()});
-      continue;
-    }
-    const std::vector<std::string>& meshes = r.part_inside.empty() ? r.parts : r.part_inside;
-    if (r.fit_mm <= 0 || !std::all_of(meshes.begin(), meshes.end(), is_mesh_name)) continue;
-    try {
-      if (r.scale != 1) {
-        throw InputError(r.as_options ? "--fit-mm and --scale exclude each other"
-                                      : "fit_mm and scale exclude each other");
-      }
-      cli::MeshOptions o;
-      o.parts = meshes;
-      o.units = r.units;
-      o.rotate_deg = r.rotate_deg;
-      o.fit_mm = r.fit_mm;
-      if (r.part_inside.empty()) o.plate = r.plate;
-      r.scale = o.placement().scale;
-    } catch (const InputError& e) {
-      errors.push_back({r.where, e.what(), Reason::bad_input, &r - requests.data()});
-    }
-  }
-  if (!errors.empty()) throw SubmitErrors(std::move(errors));
-  return requests;
-}
-
-}  // namespace
-
 Submission prepare(const std::vector<JobRequest>& requests, const FarmFolder& folder, Queue& queue,
                    const std::string& user, bool store, const ExecutionContext& context) {
-  // Jobs are recorded with a scale, whatever was said.
-  const std::vector<JobRequest> fitted = with_scales(detail::for_machines(requests, folder));
-  const std::vector<JobRequest> planned = detail::planned(fitted, folder.store, context);
-  return Preparation(planned, folder, queue, user, context).run(store);
+  return Preparation(requests, folder, queue, user, context).run(store);
 }
 
 Submitted submit(const Submission& submission, const FarmFolder& folder, Queue& queue,

@@ -96,8 +96,12 @@ std::string in_words(const ResultFigures& f) {
   return text;
 }
 
+std::string result_name(const std::string& name, const std::string& ending) {
+  return name + (ending.starts_with('-') ? "" : ".") + ending;
+}
+
 std::string Job::output(const std::string& ending) const {
-  return (std::filesystem::path(output_folder) / (name + "." + ending)).string();
+  return (std::filesystem::path(output_folder) / result_name(name, ending)).string();
 }
 
 std::string in_words(const KeptScan& s) {

@@ -135,15 +135,13 @@ std::vector<std::string> make_stack(const WorkOrder& order, const std::vector<st
     setup.uncertainty = chosen_uncertainty(s.uncertain, setup, resin, ChoiceNames::options);
     setup.uncertainty->robust = s.robust;
   }
-  for (const std::string& text : setup_notices(setup, nullptr, ChoiceNames::options)) {
-    context.tell(text);
-  }
   StackFile file(base + "." + spec.ending);
   file.format = spec.format;
   const std::string title = detail::title_stand_in(order.key);
 
   std::optional<cli::PartSlices> mesh;
   std::optional<StackReader> archive;
+  std::optional<StackInfo> times;
   const std::ptrdiff_t inside_at = std::ssize(paths) - spec.inside,
                        parts = inside_at - spec.left_alone;
   const std::vector<std::string> left_alone(paths.begin() + parts, paths.begin() + inside_at),
@@ -164,7 +162,7 @@ std::vector<std::string> make_stack(const WorkOrder& order, const std::vector<st
       outcome.message += (outcome.message.empty() ? "" : "; ") + text;
     }
   } else {
-    const StackInfo info = StackReader::read_info(paths.at(0));
+    const StackInfo& info = times.emplace(StackReader::read_info(paths.at(0)));
     check_design(info, spec.inputs.at(0).name);
     // What a slicer wrote besides the slices stays, as with `slicecorr correct`.
     if (info.format == spec.format && keeps_settings(paths[0], info)) file.keep_from = paths[0];
@@ -176,6 +174,11 @@ std::vector<std::string> make_stack(const WorkOrder& order, const std::vector<st
     facts.pixel_y_um = setup.printer.pixel_y_um;
     archive.emplace(paths[0], folder, context, facts);
   }
+  for (const std::string& text :
+       setup_notices(setup, times ? &*times : nullptr, ChoiceNames::options)) {
+    context.tell(text);
+  }
+  for (const std::string& text : spec.warnings) context.tell(text);
   const SliceSource& slices = mesh ? **mesh : static_cast<const SliceSource&>(*archive);
   const bool foreign = archive && archive->info().kind == StackKind::foreign;
   const std::string corrected_before =
@@ -194,22 +197,36 @@ std::vector<std::string> make_stack(const WorkOrder& order, const std::vector<st
   const Correction result =
       cli::make_part(target, setup, file, base, title, context, [&] { reporter.begin(2); });
   fill_figures(outcome.figures, result.after);
-  // It ends well, but with warnings: of light that is not this printer's, of what was corrected already or
-  // lifts, and of bodies.
+  // It ends well, but with warnings: of what nobody measured, of light that is not this printer's, of what was
+  // corrected already or lifts, and of bodies.
+  std::vector<std::string> warnings = spec.warnings;
   for (const std::string& text :
        {corrected_before, holds_without_lifts(spec.format, setup.process),
         other_wavelength_in_words(setup.printer, setup.resin, setup.process.uv.kind != UvKind::off),
         other_display_in_words(setup.printer, setup.resin),
         assumption_in_words(setup.printer, setup.resin, setup.process)}) {
-    if (!text.empty()) outcome.message += (outcome.message.empty() ? "" : "; ") + text;
+    if (!text.empty()) warnings.push_back(text);
   }
   if (result.after.bodies) {
-    for (const std::string& text : warnings_of(*result.after.bodies)) {
-      outcome.message += (outcome.message.empty() ? "" : "; ") + text;
-    }
+    const std::vector<std::string> of_bodies = warnings_of(*result.after.bodies);
+    warnings.insert(warnings.end(), of_bodies.begin(), of_bodies.end());
+  }
+  for (const std::string& text : warnings) {
+    outcome.message += (outcome.message.empty() ? "" : "; ") + text;
   }
   const PrintTime time = print_time(result.info);
   outcome.figures.time = StackTime{time.light_s, time.all_s()};
+  std::vector<std::string> endings{spec.ending, "html", "json"};
+  if (mesh) {
+    const LayerHeights heights(setup.process.layer_heights_um);
+    cli::leave_beside(**mesh, heights, base + cli::kTargetEnding, context);
+    endings.emplace_back(cli::kTargetEnding);
+    if (!left_alone.empty()) {
+      cli::leave_left_alone(*mesh, left_alone, setup.printer, heights, base + cli::kLeftAloneEnding,
+                            context);
+      endings.emplace_back(cli::kLeftAloneEnding);
+    }
+  }
   mesh.reset();
   archive.reset();
 
@@ -219,7 +236,6 @@ std::vector<std::string> make_stack(const WorkOrder& order, const std::vector<st
   } catch (const InputError& e) {
     throw OutputInvalid(e.what());
   }
-  std::vector<std::string> endings{spec.ending, "html", "json"};
   // Formats of one binary file have their record beside them.
   if (fs::exists(record_beside(file.path))) endings.push_back(spec.ending + ".slicecorr");
   return endings;
@@ -238,7 +254,7 @@ void make_result(const WorkOrder& order, const std::string& folder, Reporter& re
       order.spec.tomo ? detail::make_tomographic(order, paths, base, reporter, context, outcome)
                       : make_stack(order, paths, folder, base, reporter, context, outcome);
   for (const std::string& ending : endings) {
-    ResultFile written = sha256_of_file(base + "." + ending);
+    ResultFile written = sha256_of_file(result_name(base, ending));
     written.ending = ending;
     outcome.files.push_back(std::move(written));
   }

@@ -27,7 +27,7 @@ using Json = nlohmann::ordered_json;
 namespace {
 
 /// Changes when the same spec gives other bytes though the program's version is the same.
-constexpr int kKeyFormat = 1;
+constexpr int kKeyFormat = 2;
 
 /// What parts have of their own.
 constexpr std::pair<const char*, std::vector<double> PlateChoices::*> kOwn[] = {
@@ -74,6 +74,7 @@ Json json_of(const WorkSpec& s, bool with_names) {
     json["uncertain"] = {
         {"text", s.uncertain}, {"resin_toml", s.uncertain_resin_toml}, {"robust", s.robust}};
   }
+  if (!s.warnings.empty()) json["warnings"] = s.warnings;
   if (s.tomo) {
     const TomoWork& t = *s.tomo;
     json["tomo"] = {{"volume", t.volume},
@@ -126,6 +127,7 @@ WorkSpec spec_of(const Json& json) {
     s.uncertain_resin_toml = u.at("resin_toml");
     s.robust = u.at("robust");
   }
+  s.warnings = json.value("warnings", std::vector<std::string>());
   if (json.contains("tomo")) {
     const Json& t = json.at("tomo");
     s.tomo =

@@ -37,7 +37,8 @@ function jobActions(j) {
   if (j.state !== 'done') return;
   for (const f of j.files) {
     if (f.ending === 'html') continue;
-    box.append(link(at + '/files/' + f.ending, 'Download ' + f.ending + ' (' + bytes(f.bytes) + ')', 'Download ' + f.ending + ' (' + bytes(f.bytes) + ') of ' + j.name, true));
+    const words = 'Download ' + f.ending.replace(/^-/, '') + ' (' + bytes(f.bytes) + ')';
+    box.append(link(at + '/files/' + f.ending, words, words + ' of ' + j.name, true));
   }
   const fitting = bridgeList.filter((b) => b.printer === j.printer);
   if (!may('operate') || !fitting.length) return;

@@ -361,7 +361,7 @@ $('queue').addEventListener('click', () => during('queue', async () => {
     const said = el('p', nameOf(job) + ' was not queued: ' + sentence(message.replace(nameOf(job) + ': ', '')), 'holds');
     said.setAttribute('role', 'alert');
     return said;
-  }), tableOf(rows, 'What was queued'), farm);
+  }), tableOf(rows, 'What was queued'), ...(r.notices || []).map((words) => el('p', sentence(words))), farm);
 }));
 
 for (const [id, view] of [['round', round], ['layer', layers]]) {

@@ -95,12 +95,15 @@ struct ResultFigures {
 /// features, or the contrast of a tomographic print, its wrong voxels and its time.
 std::string in_words(const ResultFigures& figures);
 
-/// A file of a result: its name ending is "uvj" (or the format's, or "frames"), "html" or "json".
+/// A file of a result: its name ending is "uvj" (or the format's, or "frames"), the first of a list, "html" or
+/// "json"; of a stack made of meshes also "-target.uvj" and "-left-alone.uvj", as `slicecorr run` leaves them.
 struct ResultFile {
   std::string ending;
   std::int64_t bytes = 0;
   std::string sha256;
 };
+/// The name of such a file: "NAME.uvj", "NAME-target.uvj".
+std::string result_name(const std::string& name, const std::string& ending);
 
 /// A row of the table of jobs, with what belongs to its work. Times are wall-clock ms, 0: not yet.
 struct Job {

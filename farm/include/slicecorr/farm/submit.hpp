@@ -35,6 +35,16 @@ struct SaidField {
   bool default_ = false;  ///< for all jobs of a file that do not say it themselves
 };
 
+struct SubmitError {
+  std::string where;
+  std::string message;
+  /// What its job would have failed with: `infeasible`, or `bad_input` for all else.
+  Reason reason = Reason::bad_input;
+  /// Of the requests that `prepare` was given, the one that can't be done; below 0 where the error
+  /// is of none in particular.
+  std::ptrdiff_t request = -1;
+};
+
 /// A job as somebody asks for it.
 struct JobRequest {
   bool as_options = false;  ///< messages name options of the command line, not keys
@@ -86,22 +96,16 @@ struct JobRequest {
   std::string machine;  ///< of machines.toml, which is to print it; empty: none
   /// A stack that is printed again: its process holds where `setup` says nothing. Null: none.
   std::shared_ptr<const StackInfo> like;
+  /// Defaults that were left out, by key: where each was said, and why it has no place in this job.
+  std::map<std::string, SubmitError> passed_over;
+  /// What is wrong with how it was written, of `read_jobs_to_check`.
+  std::vector<SubmitError> wrong;
 };
 
 /// How the parts of a request lie and are drawn, from the options of meshes.
 void place_as(JobRequest& r, const cli::MeshOptions& mesh);
 /// Makes the paths of a request absolute, from the present folder.
 void absolute_paths(JobRequest& request);
-
-struct SubmitError {
-  std::string where;
-  std::string message;
-  /// What its job would have failed with: `infeasible`, or `bad_input` for all else.
-  Reason reason = Reason::bad_input;
-  /// Of the requests that `prepare` was given, the one that can't be done; below 0 where the error
-  /// is of none in particular.
-  std::ptrdiff_t request = -1;
-};
 
 /// All errors found, as one exception: `what` has one line for each.
 class SubmitErrors : public InputError {
@@ -118,6 +122,10 @@ class SubmitErrors : public InputError {
 /// Reads a jobs file, TOML or CSV by its ending; paths in it are relative to its folder, those of
 /// `defaults` to the present one. Throws `SubmitErrors` with all that is wrong.
 std::vector<JobRequest> read_jobs_file(const std::string& path, const JobRequest& defaults = {});
+/// The same, but what is wrong with single jobs stays with them (`JobRequest::wrong`), so that `prepare`
+/// tells it with all else; what is wrong with the file or its defaults is thrown.
+std::vector<JobRequest> read_jobs_to_check(const std::string& path,
+                                           const JobRequest& defaults = {});
 /// Texts of such files; paths stay as they are. `source` names them in messages.
 std::vector<JobRequest> parse_jobs_toml(const std::string& text, const std::string& source,
                                         const JobRequest& defaults = {});
@@ -156,8 +164,9 @@ struct Submission {
 
 /// Checks and resolves all requests: reads meshes and archives, resolves printers, resins and
 /// processes, asks the physics, looks for names that are written twice. `store`: inputs are copied
-/// into the farm; else nothing is written (a dry run). Throws `SubmitErrors` with all that is
-/// wrong; what was copied until then goes again.
+/// into the farm; else nothing is written (a dry run). Defaults that a job has no place for are passed over,
+/// which is told once for each. Throws `SubmitErrors` with all that is wrong with any of them; what was copied
+/// until then goes again.
 Submission prepare(const std::vector<JobRequest>& requests, const FarmFolder& folder, Queue& queue,
                    const std::string& user, bool store, const ExecutionContext& context);
 

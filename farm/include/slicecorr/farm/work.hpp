@@ -8,7 +8,8 @@
 ///     order.json     what to do (`WorkOrder`), before the worker starts
 ///     log.txt        all it says
 ///     progress.json  how far it is, replaced several times a second at most
-///     out/NAME.uvj   the stack; NAME.html, NAME.json: report and figures, as `slicecorr run`; of
+///     out/NAME.uvj   the stack; NAME.html, NAME.json: report and figures, NAME-target.uvj and
+///                    NAME-left-alone.uvj: its design and what was left alone, as `slicecorr run`; of
 ///                    tomographic prints NAME.frames, NAME.json and NAME.html, as `tomo solve` and `tomo report`
 ///     result.json    the end (`WorkOutcome`), by rename: who finds it finds it whole
 ///
@@ -70,6 +71,8 @@ struct WorkSpec {
   /// (`fit`); empty: not asked.
   std::string uncertain, uncertain_resin_toml;
   bool robust = false;  ///< the correction is to allow for it
+  /// What is known when it is submitted, by files that a worker does not see: its figures may not hold.
+  std::vector<std::string> warnings;
 };
 std::string spec_json(const WorkSpec& spec);
 WorkSpec parse_spec(const std::string& json);

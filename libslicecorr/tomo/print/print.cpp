@@ -520,7 +520,7 @@ Print solve_in(const Box<std::uint8_t>& part, double voxel_mm, const Printer& pr
   Array<float> full = std::move(solution.dose);
   for (float& d : full) d = static_cast<float>(d * brightest);
   const PrintTime time = plan_time(quiet, *asked.projector, *asked.target, full, exposure);
-  full = {};
+  full = Array<float>();  // "= {}" would keep its memory
 
   job.part = part;
   job.insert = options.insert;

@@ -108,9 +108,13 @@ class RaySum final : public DirectSum {
     const FrameShape frame{g.pixels, g.rows, light_lanes_};
     for (std::size_t k = 0; k < bench_.blur.size(); ++k) {
       const ImageBlur& blur = bench_.blur[k].blur;
-      if (blur.none()) {
+      if (blur.none() && k + 1 == bench_.blur.size()) {
         // It takes as much as all frames.
-        images_.push_back(k + 1 < bench_.blur.size() ? sharp : std::move(sharp));
+        images_.push_back(std::move(sharp));
+        return;
+      }
+      if (blur.none()) {
+        images_.push_back(sharp);
         continue;
       }
       Array<float>& blurred = images_.emplace_back(sharp.size());

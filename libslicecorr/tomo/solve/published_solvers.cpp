@@ -199,8 +199,8 @@ void run_osmo(const ExecutionContext& context, const Projector& projector, const
   }
   if (options.clip_sigma > 0) clip(target.grid, solution.light, options.clip_sigma);
   // The kept light has a maximum of 1 and its dose one of 1: bring them to one unit.
-  model.values = {};
-  light.values = {};
+  model.values = Array<float>();  // "= {}" would keep their memory
+  light.values = Array<float>();
   adjoint(projector, context, solution.light, dose.values);
   solution.dose = std::move(dose.values);
   solution.metrics = measure_extremes(target, solution.dose);

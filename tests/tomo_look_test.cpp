@@ -206,12 +206,11 @@ TEST_F(TomoLookProgram, TellsTheTurn) {
   write_job(folder_ / "a.frames", *job_);
   test::RunOptions options;
   options.folder = folder_.path();
-  const test::RunResult r =
-      test::run_program({SLICECORR_BIN_DIR "/slicecorr", "--quiet", "tomo", "look", "a.frames",
-                         "--before", "before", "--now", "now", "--turns",
-                         fmt::format("{}", job_->turns), "--seen", "seen.npy",
-                          "--picture", "seen.png", "--json", "-"},
-                        options);
+  const test::RunResult r = test::run_program(
+      {SLICECORR_BIN_DIR "/slicecorr", "--quiet", "tomo", "look", "a.frames", "--before", "before",
+       "--now", "now", "--turns", fmt::format("{}", job_->turns), "--seen", "seen.npy", "--picture",
+       "seen.png", "--json", "-"},
+      options);
   ASSERT_EQ(r.exit_code, 0) << r.err;
   const auto j = nlohmann::json::parse(r.out);
   EXPECT_NEAR(j["share_of_plan"].get<double>(), 0.95, 0.05);

@@ -4,7 +4,6 @@
 #include "correct/layer_column.hpp"
 
 #include <algorithm>
-#include <array>
 #include <bit>
 #include <cstddef>
 #include <cstdint>
@@ -12,6 +11,7 @@
 #include <map>
 #include <optional>
 #include <tuple>
+#include <vector>
 
 #include "correct/layer_level.hpp"
 #include "correct/layer_walk.hpp"
@@ -25,12 +25,12 @@ namespace {
 /// Levels of single layers, by what they follow from: most columns have the dose of a neighbour.
 class KnownLevels {
  public:
-  KnownLevels() {
-    for (Entry& entry : entries_) entry.far_edge = std::numeric_limits<double>::quiet_NaN();
-  }
+  KnownLevels() : entries_(kEntries) {}
   int level(const LayerLight& light, std::uint8_t coverage) {
     const auto bits = std::bit_cast<std::uint64_t>(light.far_edge);
-    Entry& entry = entries_[((bits >> 20) ^ (bits >> 40) ^ bits ^ coverage) % entries_.size()];
+    // Columns come one after the other: those of all slices have room beside each other.
+    const std::uint64_t slice = static_cast<std::uint64_t>(light.slice) * 61;
+    Entry& entry = entries_[((bits >> 20) ^ (bits >> 40) ^ bits ^ coverage ^ slice) % kEntries];
     if (entry.far_edge != light.far_edge || entry.coverage != coverage ||
         entry.slice != light.slice || entry.height != light.height) {
       const auto level = static_cast<Level>(layer_level(light, coverage));
@@ -41,12 +41,13 @@ class KnownLevels {
 
  private:
   struct Entry {
-    double far_edge;
+    double far_edge = std::numeric_limits<double>::quiet_NaN();
     int slice = -1;
     std::uint8_t coverage = 0, height = 0;
     Level level = 0;
   };
-  std::array<Entry, 256> entries_;
+  static constexpr std::size_t kEntries = 4096;
+  std::vector<Entry> entries_;
 };
 
 /// Levels of features that must hold at every lift: what `LiftedFeature` says, found once for those

@@ -104,6 +104,7 @@ class PairsOfLight {
     all.count = found.size();
     if (all.count > kMostPairs) return all;
     std::vector<const Box*> order;
+    order.reserve(found.size());
     for (const auto& [place, box] : found) order.push_back(&box);
     std::stable_sort(order.begin(), order.end(), [](const Box* a, const Box* b) {
       return a->light.blue * b->light.uv < b->light.blue * a->light.uv;

@@ -201,6 +201,22 @@ TEST(LeftAlone, LayerByLayer) {
   }
 }
 
+// Whatever the surface does between the two; to a gap the same feature has an edge.
+TEST(LeftAlone, LayerByLayerNoEdgeLiesBelowIt) {
+  Process process;
+  process.mode = ExposureMode::layerwise;
+  process.exposure_s = 0.5;
+  const CureModel model =
+      make_cure_model(test::linear_printer(1, 100), test::resin(576, 200), process, 50);
+  const CorrectionPlan plan = test::plan_for(model, process, 40);
+  const Column coverage = column(40, {{5, 14}, {30, 39}});
+  const Column left = at(40, 20, 29, 200);
+  Column heights(41, 0);
+  heights[30] = 200;
+  EXPECT_EQ(corrected(plan, coverage, left, heights), corrected(plan, coverage, left));
+  EXPECT_NE(corrected(plan, coverage, {}, heights), corrected(plan, coverage, {}));
+}
+
 Grid grid_of(int width, int height, int layers) {
   Grid g;
   g.width_px = width;

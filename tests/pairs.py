@@ -251,7 +251,7 @@ def left_alone(p):
     p.options["leave-alone"] = "alone.stl"
     if "uv-mw-cm2" in p.options:
         # Its full light is not to cure to the window.
-        p.options["uv-mw-cm2"] = "150"
+        p.options["uv-mw-cm2"] = "200" if "platform_reflectance" in p.printer.get("vat", {}) else "150"
 
 
 def wanted_doses(p):
@@ -321,6 +321,8 @@ def fading_uv(p):
             p.options["uv-mw-cm2"] = "190"  # more than `left_alone` takes, for where less comes
         if p.printer["blue"].get("grey") == "pulsed":
             strong_uv(p)
+    if "dead-zone-um" in p.options and "platform_reflectance" in p.printer.get("vat", {}):
+        p.options["dead-zone-um"] = "6"  # which the lamp holds where most light comes back and least UV light comes
     if p.uv_flat is not None and "dead-zone-um" in p.options:
         p.options["dead-zone-um"] = "3"  # which the lamp holds where, and when, it gives least
     p.files["uv-log.csv"] = "slice,uv_lamp_share\n0,1\n5,0.9\n11,0.8\n".encode()

@@ -129,7 +129,8 @@ InhibitedKernel::InhibitedKernel(const Kinetics& kinetics, const Kinetics& gel,
   // Of pixels with UV light of their own, which must hold their dead zone where most light comes back, too.
   const double most_back = 1 + printer.platform_reflectance;
   const double full = held.back() * most_share;
-  const LampCheck check{kinetics_, layer_um, blue_, full, printer, process};
+  const double most_held = uv.kind == UvKind::patterned ? full * most_back : full;
+  const LampCheck check{kinetics_, layer_um, blue_, most_held, printer, process};
   switch (uv.kind) {
     case UvKind::off:
       throw InputError("UV light is off in this schedule; expected an intensity or a dead zone");

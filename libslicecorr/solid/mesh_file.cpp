@@ -59,7 +59,8 @@ class PointNumbers {
  private:
   static constexpr std::uint32_t kNone = ~std::uint32_t{0};
   static bool same(const Point& p, const Point& q) {
-    return std::memcmp(p.data(), q.data(), sizeof p) == 0;
+    using Bits = std::array<std::uint32_t, 3>;
+    return std::bit_cast<Bits>(p) == std::bit_cast<Bits>(q);
   }
   static std::uint64_t hash_of(const Point& p) {
     std::uint64_t h = 0;

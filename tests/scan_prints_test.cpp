@@ -24,7 +24,6 @@ namespace slicecorr::test {
 namespace {
 
 using nlohmann::json;
-using testing::AllOf;
 using testing::HasSubstr;
 
 /// Teeth of different lengths over gaps of different heights.

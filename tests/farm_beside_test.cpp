@@ -45,7 +45,7 @@ TEST_F(FarmBeside, ResultsAreMeasuredByTheirDesigns) {
   }
   const RunResult verified = program("slicecorr", {"verify", dir / "out/bridge-1.uvj"});
   EXPECT_EQ(verified.exit_code, 0) << verified.err;
-  EXPECT_THAT(farm("status", {"1", "--files"}).out,
+  EXPECT_THAT(farm("status", {"1"}).out,
               AllOf(HasSubstr((dir / "out/bridge-1-target.uvj") + "\n"),
                     HasSubstr((dir / "out/bridge-1-left-alone.uvj") + "\n")));
   // The next stack of this name leaves nothing alone, and comes with a design of its own; the same comes from

@@ -113,17 +113,18 @@ std::vector<std::string> inputs_of(const JobRequest& request) {
   return list;
 }
 
-Checked check_inputs(const JobRequest& r, const Resolved& w, const std::string& scratch_folder,
-                     const ExecutionContext& context) {
+Checked check_inputs(const JobRequest& request, const Resolved& resolved,
+                     const std::string& scratch_folder, const ExecutionContext& context) {
   Checked c;
   try {
-    if (w.spec.tomo) {
-      c.tomo = look_at_tomographic(w.spec, inputs_of(r), w.setup.printer, w.setup.resin, context);
+    if (resolved.spec.tomo) {
+      c.tomo = look_at_tomographic(resolved.spec, inputs_of(request), resolved.setup.printer,
+                                   resolved.setup.resin, context);
       c.layers = c.tomo.slices;
-    } else if (w.mesh) {
-      check_meshes(r, w.setup, scratch_folder, context, c);
+    } else if (resolved.mesh) {
+      check_meshes(request, resolved.setup, scratch_folder, context, c);
     } else {
-      check_archive(r, w.setup, scratch_folder, context, c);
+      check_archive(request, resolved.setup, scratch_folder, context, c);
     }
   } catch (const Cancelled&) {
     throw;

@@ -246,7 +246,8 @@ class FarmOnSlurm : public testing::Test {
       EXPECT_FALSE(entry.path().filename().string().starts_with(".")) << entry.path();
       ++files;
     }
-    EXPECT_EQ(files, static_cast<std::size_t>(jobs) * 3);
+    // Stack, report, figures and design of each.
+    EXPECT_EQ(files, static_cast<std::size_t>(jobs) * 4);
   }
 
   /// What the engine keeps of the tasks that it gave to Slurm.

@@ -51,7 +51,7 @@ TEST(InhibitedDesign, DemandsOfEdgesInsidesAndGreyLayers) {
   const double inside = s.plan.inside;
   EXPECT_EQ(inside, InhibitedTuning{}.inside_dose);
   const auto demand = [&](int k) { return s.design.demand[static_cast<std::size_t>(k)]; };
-  EXPECT_EQ(demand(0), 1.0);
+  EXPECT_EQ(demand(0), inside);  // it hangs on the platform
   EXPECT_EQ(demand(1), inside);
   EXPECT_EQ(demand(2), inside);
   EXPECT_EQ(demand(3), 1.0);

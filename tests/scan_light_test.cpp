@@ -193,9 +193,9 @@ TEST(ScanLight, LargePrintsAreSeenInStrips) {
   const slicecorr::Setup believed = lab_setup();
   const MemorySlices stack = corrected_hook(believed);
   const slicecorr::Setup real = tuned_setup(believed, {0.05, -0.03, 0, 0});
-  // A few rounds, which both go alike.
+  // So many rounds that both have settled.
   ScanTuneOptions few, strips;
-  few.rounds = strips.rounds = 3;
+  few.rounds = strips.rounds = 12;
   strips.most_triangles = 3e4;
   const ScanTuneResult whole = tuned(stack, believed, real, few),
                        cut = tuned(stack, believed, real, strips);

@@ -798,7 +798,8 @@ TEST(Tune, WhatWasCountedOnceIsNotCountedAgain) {
   r.counted = {mark_of(part)};
   const Printer printer = parse_printer(kPrinterFile, "p.toml");
   const std::string file = resin_with_tuning(kResinFile, "r.toml", "tuned", printer, r);
-  EXPECT_NO_THROW(check_not_counted(kResinFile, "r.toml", {part, part}));
+  EXPECT_NO_THROW(check_not_counted(kResinFile, "r.toml", {part, other}));
+  EXPECT_THROW(check_not_counted(kResinFile, "r.toml", {part, part}), InputError);
   EXPECT_NO_THROW(check_not_counted(file, "r.toml", {other}));
   EXPECT_THROW(check_not_counted(file, "r.toml", {other, part}), InputError);
   r.counted = {mark_of(other)};

@@ -36,6 +36,34 @@ void UvLadder::put(const PlaceModels& models, std::vector<double>& slices_mw_cm2
   for (double& uv : slices_mw_cm2) uv = up(std::max(uv, lowest));
 }
 
+namespace {
+
+/// How many slices further on the light of full light acts most on a node: so much later than a node may be lit
+/// the first light of it comes where UV light is strong.
+int latest_light(const InhibitedKernel& kernel) {
+  const double* const added = kernel.table(0, InhibitedKernel::upper_end);
+  const int levels = kernel.levels(), top = levels - 1;
+  int most = 0;
+  for (int j = 1; j < kernel.near(); ++j) {
+    if (added[j * levels + top] > added[most * levels + top]) most = j;
+  }
+  return most;
+}
+
+/// The brightest light of each slice and of so many after it. The slices that a first correction shows in the
+/// strongest UV light begin late; in weaker light those before them are wanted, too: at the platform, and
+/// wherever brighter slices follow.
+std::vector<double> brightest_to_come(const std::vector<double>& blue, int slices) {
+  std::vector<double> most = blue;
+  for (std::size_t n = 0; n < blue.size(); ++n) {
+    const std::size_t end = std::min(blue.size(), n + static_cast<std::size_t>(slices) + 1);
+    for (std::size_t k = n + 1; k < end; ++k) most[n] = std::max(most[n], blue[k]);
+  }
+  return most;
+}
+
+}  // namespace
+
 bool chooses_uv_of_slices(const Process& process) {
   return process.uv.kind == UvKind::per_slice && process.uv.slice_mw_cm2.empty();
 }
@@ -54,7 +82,7 @@ Process with_uv_of_slices(const Setup& setup, const PlaceModels& models,
     most_share = std::max(most_share, share_of(n));
   }
   std::vector<double> needed;
-  for (const double blue : brightest_mw_cm2) {
+  for (const double blue : brightest_to_come(brightest_mw_cm2, latest_light(kernel))) {
     const auto n = static_cast<int>(needed.size());
     // With what comes back from the platform.
     const double back = kernel.blue_at_front(n, process.uv.dead_zone_um);

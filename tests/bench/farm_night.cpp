@@ -113,7 +113,7 @@ void check_record(ReadModel& model, int jobs) {
     if (ends != 1 || model.attempts(j.id).size() != 1) {
       throw std::runtime_error(fmt::format("{}: done {} times", j.name, ends));
     }
-    if (j.files.size() != 3) throw std::runtime_error(j.name + ": files are missing");
+    if (j.files.size() != 4) throw std::runtime_error(j.name + ": files are missing");
     for (const ResultFile& f : j.files) {
       const ResultFile now = sha256_of_file(j.output(f.ending));
       if (now.sha256 != f.sha256 || now.bytes != f.bytes) {

@@ -271,7 +271,7 @@ constexpr std::array kPrinterKeys = std::to_array<KeyRule>({
      .type = number,
      .high = 1,
      .what =
-         "standard deviation of lift_exchange, which `slicecorr tune` writes and `--uncertain fit` counts"},
+         "standard deviation of lift_exchange, which `slicecorr tune` writes and errors of a fit (`uncertain`) have in them"},
     {.table = "vat",
      .key = "depth_um",
      .type = number,

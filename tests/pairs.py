@@ -434,6 +434,9 @@ class Case:
             lit.options.update({"dead-zone-um": "4", "exposure-s": "12"})
         if lit.options.get("lifts") == "each" and "uv-mw-cm2" in lit.options and len(features) > 2:
             lit.options["exposure-s"] = "8"
+        if {"light that spreads", "patterned UV light"} <= set(features):
+            # Patterns hold the light off that columns show, not what comes to them from beside.
+            lit.options["window-cure"] = "allow"
         return lit
 
     def run(self, program, *arguments):

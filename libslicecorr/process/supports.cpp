@@ -76,6 +76,10 @@ constexpr const char* kStayUv =
 constexpr const char* kEvenHeights =
     "layers of different heights are not counted beside an even dead zone, whose light is found for slices of one "
     "height; expected layers of one height, or even_dead_zone off";
+constexpr const char* kUnevenUvTables =
+    "{printer}: uv.flat_field: is not told apart finely enough where slices each have tables of their own (different "
+    "heights, a platform that sends light back): places differ in UV light as well, and there is room for too few "
+    "tables; expected layers of one height and a platform that takes light up, or a printer without it";
 constexpr const char* kEdgesInHeights =
     "edges lie at slices: the mesh's own heights are not counted in layers of different heights";
 constexpr const char* kSureUv =
@@ -135,6 +139,8 @@ constexpr Unsupported kTable[] = {
     {even_dead_zone, layerwise, refused,
      "an even dead zone is for continuous exposure: layer by layer resin comes to rest"},
     {reflectance, even_dead_zone, refused, kEvenMirror},
+    {reflectance, uneven_uv, refused, kUnevenUvTables},
+    IN_HEIGHTS(uneven_uv, refused, kUnevenUvTables),
     {moved_heights, even_dead_zone, refused, kEvenHeights},
     {even_dead_zone, spread, alone,
      "an even dead zone is found for light that stays in its pixel, and images keep it"},

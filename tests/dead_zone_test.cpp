@@ -11,6 +11,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "memory_slices.hpp"
 #include "models.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/pipeline.hpp"
@@ -184,6 +185,48 @@ TEST(ScheduleUv, EachSliceGetsWhatItsBrightestPixelNeeds) {
   // The stack brings its schedule.
   const StackInfo info = StackReader::read_info(folder / "a.uvj");
   EXPECT_EQ(info.process, process);
+}
+
+/// A table upside down: a plate on the platform, two legs, and a bar that is thicker than it needs to be printed.
+/// By sums in steps of 0.25 um its legs were once cut in two below the bar, and liquid at the platform.
+test::MemorySlices table() {
+  Grid grid;
+  grid.width_px = 12;
+  grid.height_px = 4;
+  grid.layers = 50;
+  grid.pixel_x_um = grid.pixel_y_um = grid.layer_um = 50;
+  test::MemorySlices part(grid);
+  for (int n = 0; n < grid.layers; ++n) {
+    for (int y = 0; y < 4; ++y) {
+      for (int x = 0; x < 12; ++x) {
+        const bool leg = x < 3 || x >= 9;
+        part.at(n, x, y) = n < 12 || n >= 40 || leg ? 255 : 0;
+      }
+    }
+  }
+  return part;
+}
+
+TEST(ScheduleUv, FeaturesHangTogetherAndHoldAtThePlatform) {
+  for (const auto& [speed_mm_h, zone_um] : {std::pair{30.0, 30.0}, {60.0, 15.0}, {60.0, 30.0}}) {
+    slicecorr::Setup s = setup_of(UvKind::per_slice, 0, zone_um);
+    s.process = test::process(speed_mm_h);
+    s.process.uv.kind = UvKind::per_slice;
+    s.process.uv.dead_zone_um = zone_um;
+    s.resin.m = 0.9448115;
+    s.resin.absorbance_height10_um = units::height10_from_e(389.7673);
+    s.resin.critical_dose_mj_cm3 = s.resin.gel_dose_mj_cm3 = 0;
+    s.resin.critical_dose_prime = 5 * 69.58752;
+    s.resin.inhibition->beta = 0.7915055;
+    s.resin.inhibition->absorbance_height10_um = units::height10_from_e(41.49307);
+    s.resin.inhibition->m = s.resin.m;
+    TemporaryFolder folder;
+    const Correction c = correct_stack(table(), s, folder / "a.uvj", {});
+    EXPECT_EQ(c.after.split_features, 0U) << speed_mm_h << " " << zone_um;
+    EXPECT_EQ(c.after.runs_on_platform, 48U);
+    EXPECT_EQ(c.after.liquid_at_platform, 0U) << speed_mm_h << " " << zone_um;
+    EXPECT_GE(c.after.dead_zones->least(), zone_um - 1e-9);
+  }
 }
 
 TEST(UvPattern, IsWrittenBesideTheSlices) {

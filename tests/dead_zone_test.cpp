@@ -191,8 +191,7 @@ TEST(ScheduleUv, EachSliceGetsWhatItsBrightestPixelNeeds) {
 /// By sums in steps of 0.25 um its legs were once cut in two below the bar, and liquid at the platform.
 test::MemorySlices table() {
   Grid grid;
-  grid.width_px = 12;
-  grid.height_px = 4;
+  grid.width_px = grid.height_px = 16;
   grid.layers = 50;
   grid.pixel_x_um = grid.pixel_y_um = grid.layer_um = 50;
   test::MemorySlices part(grid);

@@ -30,8 +30,7 @@ using NumberRowSink =
 /// ("points"). Throws `InputError` naming file and line.
 void read_number_table(const std::string& path, const std::vector<NumberColumn>& columns,
                        const std::string& expected, const std::string& rows,
-                       const NumberRowSink& sink,
-                       std::vector<std::string>* passed_over = nullptr);
+                       const NumberRowSink& sink, std::vector<std::string>* passed_over = nullptr);
 
 /// The header's names.
 std::vector<std::string> table_header(const std::string& path);

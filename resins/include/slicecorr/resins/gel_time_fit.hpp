@@ -27,7 +27,7 @@ struct TimeToGel {
 struct TimesToGel {
   std::vector<std::string> sources;
   std::vector<TimeToGel> times;
-  double conversion = 0;  ///< of which they are the times; 0: the files don't say
+  double conversion = 0;                ///< of which they are the times; 0: the files don't say
   std::vector<std::string> warnings{};  ///< columns that are passed over
 };
 

@@ -41,7 +41,8 @@ constexpr const char* kNotifier = "notify-send";
 
 /// What somebody sees who reads nothing else.
 std::string title_of(const Done& done) {
-  if (done.verdict == name_of(Outcome::fails)) return "Slices corrected, but will not print as designed";
+  if (done.verdict == name_of(Outcome::fails))
+    return "Slices corrected, but will not print as designed";
   if (done.verdict == name_of(Outcome::look)) return "Slices corrected; look at some places";
   return "Slices corrected";
 }

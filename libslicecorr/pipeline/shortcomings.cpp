@@ -57,7 +57,7 @@ void tell_shortcomings(const Prediction& p, const CureModel& model, const Proces
         p.joints->not_holding_voxels, model.lifts->green_strength, p.joints->least));
   }
   if (p.dead_zones && process.uv.dead_zone_um == 0 && !process.even_light &&
-      p.dead_zones->least() < kThinDeadZone_um) {
+      p.dead_zones->least() < kThinDeadZoneUm) {
     context.tell(
         fmt::format("the dead zone gets as thin as {:.2g} um; UV light chosen for a dead zone, in "
                     "place of an intensity, keeps more of it",

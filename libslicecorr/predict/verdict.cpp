@@ -240,7 +240,7 @@ std::vector<std::string> to_look_at(const Prediction& p) {
   add(p.liquid_at_platform,
       fmt::format("{} of {} columns on the platform are liquid at it",
                   counted(p.liquid_at_platform), counted(p.runs_on_platform)));
-  if (p.dead_zones && p.dead_zones->least() < kThinDeadZone_um) {
+  if (p.dead_zones && p.dead_zones->least() < kThinDeadZoneUm) {
     found.push_back(fmt::format(
         "the dead zone gets as thin as {} um, where a little more blue light gels resin to the window",
         to_digits(p.dead_zones->least(), 2)));

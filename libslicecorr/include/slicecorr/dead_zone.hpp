@@ -25,7 +25,7 @@ namespace slicecorr {
 
 /// A dead zone below this, um, is one that lamps which drift by some per cent, or resin that flows, may
 /// close: printers of this kind want some 20 um of liquid under the part.
-inline constexpr double kThinDeadZone_um = 10;
+inline constexpr double kThinDeadZoneUm = 10;
 
 /// What a print's dead zone does.
 struct DeadZones {

@@ -174,6 +174,7 @@ std::string furthest(const std::vector<MeasuredPart>& parts, const std::vector<R
   std::stable_sort(all.begin(), all.end(), [](const Off& a, const Off& b) { return a.um > b.um; });
   if (all.size() > 3) all.resize(3);
   std::vector<std::string> words;
+  words.reserve(all.size());
   for (const Off& off : all) words.push_back(off.words);
   return fmt::format("what was expected: {}: are cells in the wrong rows?", fmt::join(words, ", "));
 }

@@ -13,7 +13,9 @@
 
 #include "memory_slices.hpp"
 #include "models.hpp"
+#include "slicecorr/bodies.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/left_alone.hpp"
 #include "slicecorr/pipeline.hpp"
 #include "slicecorr/units.hpp"
 #include "stack_fixture.hpp"
@@ -225,6 +227,36 @@ TEST(ScheduleUv, FeaturesHangTogetherAndHoldAtThePlatform) {
     EXPECT_EQ(c.after.runs_on_platform, 48U);
     EXPECT_EQ(c.after.liquid_at_platform, 0U) << speed_mm_h << " " << zone_um;
     EXPECT_GE(c.after.dead_zones->least(), zone_um - 1e-9);
+  }
+}
+
+TEST(ScheduleUv, ThePartHangsOnItsSupports) {
+  // Pillars of full light below a block, of which nothing else is asked.
+  Grid grid;
+  grid.width_px = grid.height_px = 16;
+  grid.layers = 50;
+  grid.pixel_x_um = grid.pixel_y_um = grid.layer_um = 50;
+  test::MemorySlices part(grid), pillars(grid);
+  for (int n = 0; n < grid.layers; ++n) {
+    for (int y = 0; y < 16; ++y) {
+      for (int x = 0; x < 16; ++x) {
+        part.at(n, x, y) = n >= 20 ? 255 : 0;
+        pillars.at(n, x, y) = n < 20 && x % 8 < 4 && y % 8 < 4 ? 255 : 0;
+      }
+    }
+  }
+  const LeavingAlone supported(part, {{&pillars, "pillars"}});
+  for (const double zone_um : {12.0, 25.0}) {
+    slicecorr::Setup s = setup_of(UvKind::per_slice, 0, zone_um);
+    s.process = test::process(60);
+    s.process.uv.kind = UvKind::per_slice;
+    s.process.uv.dead_zone_um = zone_um;
+    TemporaryFolder folder;
+    const Correction c = correct_stack(supported, s, folder / "a.uvj", {});
+    ASSERT_TRUE(c.after.bodies);
+    EXPECT_EQ(c.after.bodies->printed.loose_bodies, 0) << zone_um;
+    EXPECT_EQ(c.after.bodies->printed.sealed_in_all, 0) << zone_um;
+    EXPECT_EQ(c.after.undercure_voxels, 0U) << zone_um;
   }
 }
 

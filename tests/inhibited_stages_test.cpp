@@ -44,6 +44,31 @@ struct Stages {
 
 CureModel continuous() { return model_of(resin_1(), uv_process(1000, 200), 50); }
 
+TEST(InhibitedDesign, WhatIsLeftAloneGelsWhereAFeatureHangsOnIt) {
+  Stages s(continuous());
+  ColumnBounds bounds;
+  bounds.left_alone = {{0, 10, 255}, {20, 21, 255}};
+  s.design.ask(bounds);
+  const double inside = s.plan.inside;
+  const auto demand = [&](int k) { return s.design.demand[static_cast<std::size_t>(k)]; };
+  // On a pillar; on a single layer above a gap, which holds nothing. Edges are tried several times.
+  for (int round = 0; round < 2; ++round) {
+    s.design.read({{10, 14, 255}, {21, 24, 255}});
+    EXPECT_TRUE(s.design.left_alone(8));
+    EXPECT_FALSE(s.design.left_alone(9));
+    EXPECT_TRUE(s.design.full(9));
+    EXPECT_TRUE(s.design.left_alone(20));
+    EXPECT_EQ(demand(8), 0.0);
+    EXPECT_EQ(demand(9), inside);
+    EXPECT_EQ(demand(10), inside);
+    EXPECT_EQ(demand(14), 1.0);
+    EXPECT_EQ(demand(21), inside);
+    ASSERT_EQ(s.design.edges.size(), 2U);
+    EXPECT_EQ(s.design.edges[0].node, 14);
+    EXPECT_EQ(s.design.edges[1].node, 24);
+  }
+}
+
 TEST(InhibitedDesign, DemandsOfEdgesInsidesAndGreyLayers) {
   Stages s(continuous());
   // On the platform; full with a grey end; grey alone.

@@ -19,9 +19,9 @@ ColumnDesign::ColumnDesign(const InhibitedPlan& plan)
       heights_(static_cast<std::size_t>(plan.all_layers) + 2, std::uint8_t{0}) {}
 
 void ColumnDesign::ask(const ColumnBounds& bounds) {
-  left_alone_.assign(bounds.left_alone.empty() ? 0 : coverage_.size(), 0);
+  left_alone_.assign(bounds.left_alone.empty() ? 0 : coverage_.size(), kNo);
   for (const LeftAloneRun& run : bounds.left_alone) {
-    std::fill(left_alone_.begin() + run.first, left_alone_.begin() + run.end, std::uint8_t{1});
+    std::fill(left_alone_.begin() + run.first, left_alone_.begin() + run.end, kYes);
   }
   wanted_ = bounds.wanted;
   side_ = bounds.side;
@@ -109,6 +109,7 @@ void ColumnDesign::read(const std::vector<CoverageRun>& runs, double farthest) {
       wanted = std::max(wanted, demand_at(k));
     }
   }
+  for (const int n : joints_) demand[static_cast<std::size_t>(n)] = demand_at(n);
   for (int n = 0; !wanted_.empty() && n < plan_.layers; ++n) {
     if (!full(n)) continue;
     int end = n + 1;
@@ -128,13 +129,31 @@ void ColumnDesign::take_coverage(const std::vector<CoverageRun>& runs) {
     std::fill(coverage_.begin() + run.first, coverage_.begin() + run.end, run.coverage);
   }
   for (std::size_t n = 0; n < left_alone_.size(); ++n) {
-    if (left_alone_[n] != 0) coverage_[n] = kLeftAlone;
+    if (left_alone_[n] == kNo) continue;
+    coverage_[n] = kLeftAlone;
+    left_alone_[n] = kYes;
   }
+  take_joints();
   if (!plan_.merge_one_slice_gaps) return;
   for (int n = 1; n + 1 < plan_.layers; ++n) {
     if (coverage(n) == 0 && !left_alone(n) && full(n - 1) && full(n + 1)) {
       coverage_[static_cast<std::size_t>(n)] = 255;
     }
+  }
+}
+
+/// Where a feature hangs on what is left alone, the last layer of that is to gel like the feature's own,
+/// whose light alone can see to it.
+void ColumnDesign::take_joints() {
+  joints_.clear();
+  for (int n = 0; static_cast<std::size_t>(n) < left_alone_.size(); ++n) {
+    const bool ends = left_alone(n) && full(n + 1), held = n == 0 || left_alone(n - 1);
+    if (!ends || !held) continue;
+    const auto at = static_cast<std::size_t>(n);
+    left_alone_[at] = kJoint;
+    coverage_[at] = 255;
+    if (at + 1 < wanted_.size()) wanted_[at] = wanted_[at + 1];
+    joints_.push_back(n);
   }
 }
 

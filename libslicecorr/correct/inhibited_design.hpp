@@ -44,7 +44,7 @@ class ColumnDesign {
   }
   bool left_alone(int layer) const {
     return layer >= 0 && static_cast<std::size_t>(layer) < left_alone_.size() &&
-           left_alone_[static_cast<std::size_t>(layer)] != 0;
+           left_alone_[static_cast<std::size_t>(layer)] == kYes;
   }
   /// The same of layers from `first` on, 0 <= first <= the plan's slices; of what is left alone a grey.
   const std::uint8_t* coverage_from(int first) const { return coverage_.data() + first; }
@@ -60,6 +60,7 @@ class ColumnDesign {
 
  private:
   void take_coverage(const std::vector<CoverageRun>& runs);
+  void take_joints();
   void take_heights(const std::vector<CoverageRun>& runs);
   double below_node(int node, double farthest) const;
   double demand_at(int node) const;
@@ -70,10 +71,13 @@ class ColumnDesign {
 
   const InhibitedPlan& plan_;
   double farthest_ = 0;
-  std::vector<std::uint8_t> coverage_;    ///< per layer
-  std::vector<std::uint8_t> heights_;     ///< edge heights per node
-  std::vector<std::uint8_t> left_alone_;  ///< per layer, not 0: it is; empty: none
-  std::vector<double> wanted_;            ///< per layer; empty: just enough
+  std::vector<std::uint8_t> coverage_;  ///< per layer
+  std::vector<std::uint8_t> heights_;   ///< edge heights per node
+  /// `kJoint`: left alone, and what a feature hangs on, of which it asks as of its own layers.
+  enum LeftAloneLayer : std::uint8_t { kNo, kYes, kJoint };
+  std::vector<LeftAloneLayer> left_alone_;  ///< per layer; empty: none
+  std::vector<int> joints_;                 ///< layers of what is left alone that features hang on
+  std::vector<double> wanted_;              ///< per layer; empty: just enough
   DoseSide side_ = DoseSide::nearest;
   std::vector<double> least_, most_, wanted_most_;  ///< of a feature, by its nodes
 };

@@ -15,6 +15,7 @@
 #include "slicecorr/vial.hpp"
 #include "tomo/operators/blurred_projector.hpp"
 #include "tomo/operators/footprint.hpp"
+#include "tomo_pair.hpp"
 #include "tomo_walk.hpp"
 
 namespace slicecorr::tomo {
@@ -118,43 +119,6 @@ Printer printer_of_picture(bool dry, double pitch_um) {
   return p;
 }
 
-/// Random numbers in all voxels and pixels.
-struct Random {
-  Field field;
-  Light light;
-  explicit Random(const TomoGrid& g) : field(g), light(g) {
-    std::mt19937 random(3);
-    for (int z = 0; z < g.slices; ++z) {
-      for (int y = 0; y < g.voxels; ++y) {
-        for (int x = g.inside(y).first; x < g.inside(y).end; ++x) {
-          field.values[g.voxel(x, y, z)] = static_cast<float>(random() % 1000) * 1e-3F;
-        }
-      }
-    }
-    for (int m = 0; m < g.angles; ++m) {
-      for (int i = 0; i < g.pixels; ++i) {
-        for (int r = 0; r < g.light_rows(); ++r) {
-          light.values[g.pixel(m, i, r)] = static_cast<float>(random() % 1000) * 1e-3F;
-        }
-      }
-    }
-  }
-};
-
-void expect_transposes(const Projector& projector, const Random& random) {
-  const Light ax = forward(projector, {}, random.field);
-  const Field atb = adjoint(projector, {}, random.light);
-  double left = 0, right = 0;
-  for (std::size_t i = 0; i < ax.values.size(); ++i) {
-    left += double{ax.values[i]} * random.light.values[i];
-  }
-  for (std::size_t i = 0; i < atb.values.size(); ++i) {
-    right += double{atb.values[i]} * random.field.values[i];
-  }
-  ASSERT_GT(left, 0);
-  EXPECT_NEAR(right / left, 1, 1e-5);
-}
-
 TEST(TomoBlur, OperatorsAreTransposes) {
   for (const bool point : {false, true}) {
     for (const bool dry : {false, true}) {
@@ -164,14 +128,14 @@ TEST(TomoBlur, OperatorsAreTransposes) {
       const Bench bench = make_bench(p, scattering_resin(2, 15), {0.25, 4, 10});
       ASSERT_TRUE(bench.grid.coupled());
       ASSERT_GT(bench.blur.size(), 2U);
-      const Random random(bench.grid);
+      const RandomPair random(bench.grid);
       expect_transposes(*make_projector(bench), random);
       expect_transposes(*make_search_projector(bench, Search::close), random);
     }
   }
   const Bench measured =
       make_bench(printer_of_picture(true, 125), scattering_resin(2, 15), {0.25, 4, 10});
-  const Random of_measured(measured.grid);
+  const RandomPair of_measured(measured.grid);
   expect_transposes(*make_projector(measured), of_measured);
   expect_transposes(*make_search_projector(measured, Search::close), of_measured);
   // Gaps between pixels of light that stays in its slice.
@@ -181,7 +145,7 @@ TEST(TomoBlur, OperatorsAreTransposes) {
     for (const int slices : {1, 4, 20}) {
       const Bench bench = make_bench(p, bench_resin(2), {0.25, std::min(slices, 8), 10});
       ASSERT_FALSE(bench.grid.coupled());
-      const Random random(bench.grid);
+      const RandomPair random(bench.grid);
       expect_transposes(*make_projector(bench), random);
       expect_transposes(*make_search_projector(bench, Search::close), random);
     }

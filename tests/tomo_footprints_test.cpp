@@ -19,6 +19,7 @@
 #include "tomo/operators/square_projector.hpp"
 #include "tomo/print/judging.hpp"
 #include "tomo_jobs.hpp"
+#include "tomo_pair.hpp"
 #include "tomo_reference.hpp"
 #include "tomo_walk.hpp"
 
@@ -88,32 +89,8 @@ TEST(TomoFootprints, LevelOperatorsAreTransposes) {
       Volume rod(bench.grid);
       for (int z = 0; z < slices; z += 2) rod.coverage[bench.grid.voxel(9, 14, z)] = 255;
       const auto projector = make_projector(bench, &rod);
-      Field field(bench.grid);
-      Light light(bench.grid);
-      std::mt19937 random(3);
-      const TomoGrid& g = bench.grid;
-      for (int z = 0; z < slices; ++z) {
-        for (int y = 0; y < g.voxels; ++y) {
-          for (int x = g.inside(y).first; x < g.inside(y).end; ++x) {
-            field.values[g.voxel(x, y, z)] = static_cast<float>(random() % 1000) * 1e-3F;
-          }
-        }
-        for (int m = 0; m < g.angles; ++m) {
-          for (int i = 0; i < g.pixels; ++i) {
-            light.values[g.pixel(m, i, z)] = static_cast<float>(random() % 1000) * 1e-3F;
-          }
-        }
-      }
-      const Light ax = forward(*projector, {}, field);
-      const Field atb = adjoint(*projector, {}, light);
-      double left = 0, right = 0;
-      for (std::size_t i = 0; i < ax.values.size(); ++i)
-        left += double{ax.values[i]} * light.values[i];
-      for (std::size_t i = 0; i < atb.values.size(); ++i) {
-        right += double{atb.values[i]} * field.values[i];
-      }
-      ASSERT_GT(left, 0);
-      EXPECT_NEAR(right / left, 1, 1e-5) << dry << slices;
+      SCOPED_TRACE(slices);
+      expect_transposes(*projector, RandomPair(bench.grid));
     }
   }
 }

@@ -14,6 +14,7 @@
 #include "slicecorr/error.hpp"
 #include "slicecorr/tomo/limits.hpp"
 #include "slicecorr/tomo/print.hpp"
+#include "tomo_pair.hpp"
 #include "tomo_regions.hpp"
 
 namespace slicecorr::tomo::traced_test {
@@ -99,38 +100,11 @@ TEST(TomoRising, OperatorsAreTransposesForAnyNumberOfThreads) {
   p.optics->rays_per_pixel = 3;
   p.fill_factor = 0.7;
   const Bench bench = make_bench(p, bench_resin(), {0.25, 4, 10, false, 4.6});
-  const TomoGrid& g = bench.grid;
-  ASSERT_TRUE(g.coupled());
+  ASSERT_TRUE(bench.grid.coupled());
   const auto projector = make_projector(bench);
-  Field field(g);
-  Light light(g);
-  std::mt19937 random(3);
-  for (int z = 0; z < g.slices; ++z) {
-    for (int y = 0; y < g.voxels; ++y) {
-      for (int x = g.inside(y).first; x < g.inside(y).end; ++x) {
-        field.values[g.voxel(x, y, z)] = static_cast<float>(random() % 1000) * 1e-3F;
-      }
-    }
-  }
-  for (int m = 0; m < g.angles; ++m) {
-    for (int i = 0; i < g.pixels; ++i) {
-      for (int r = 0; r < g.rows; ++r) {
-        light.values[g.pixel(m, i, r)] = static_cast<float>(random() % 1000) * 1e-3F;
-      }
-    }
-  }
-  ExecutionContext alone;
-  alone.threads = 1;
-  const Light ax = forward(*projector, {}, field);
-  const Field atb = adjoint(*projector, {}, light);
-  EXPECT_EQ(ax.values, forward(*make_projector(bench), alone, field).values);
-  EXPECT_EQ(atb.values, adjoint(*make_projector(bench), alone, light).values);
-  double left = 0, right = 0;
-  for (std::size_t i = 0; i < ax.values.size(); ++i) left += double{ax.values[i]} * light.values[i];
-  for (std::size_t i = 0; i < atb.values.size(); ++i)
-    right += double{atb.values[i]} * field.values[i];
-  ASSERT_GT(left, 0);
-  EXPECT_NEAR(right / left, 1, 1e-5);
+  const RandomPair random(bench.grid);
+  expect_transposes(*projector, random);
+  expect_same_for_any_threads(*projector, *make_projector(bench), random);
 }
 
 /// A bar high above the axis of a point in a dry square vial is printed by frames that are found for it.

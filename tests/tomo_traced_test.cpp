@@ -19,6 +19,7 @@
 #include "slicecorr/vial.hpp"
 #include "slicecorr/vial_outline.hpp"
 #include "tomo_jobs.hpp"
+#include "tomo_pair.hpp"
 #include "tomo_regions.hpp"
 #include "tomo_walk.hpp"
 
@@ -117,36 +118,11 @@ TEST(TomoTraced, OperatorsAreTransposesForAnyNumberOfThreads) {
   p.height_px = 40;
   for (const int slices : {1, 5, 20}) {
     const Bench bench = make_bench(p, bench_resin(), {0.25, slices, 16});
+    SCOPED_TRACE(slices);
     const auto projector = make_projector(bench);
-    Field field(bench.grid);
-    Light light(bench.grid);
-    std::mt19937 random(3);
-    const TomoGrid& g = bench.grid;
-    for (int z = 0; z < slices; ++z) {
-      for (int y = 0; y < g.voxels; ++y) {
-        for (int x = g.inside(y).first; x < g.inside(y).end; ++x) {
-          field.values[g.voxel(x, y, z)] = static_cast<float>(random() % 1000) * 1e-3F;
-        }
-      }
-      for (int m = 0; m < g.angles; ++m) {
-        for (int i = 0; i < g.pixels; ++i) {
-          light.values[g.pixel(m, i, z)] = static_cast<float>(random() % 1000) * 1e-3F;
-        }
-      }
-    }
-    ExecutionContext alone;
-    alone.threads = 1;
-    const Light ax = forward(*projector, {}, field);
-    const Field atb = adjoint(*projector, {}, light);
-    EXPECT_EQ(ax.values, forward(*make_projector(bench), alone, field).values);
-    EXPECT_EQ(atb.values, adjoint(*make_projector(bench), alone, light).values);
-    double left = 0, right = 0;
-    for (std::size_t i = 0; i < ax.values.size(); ++i)
-      left += double{ax.values[i]} * light.values[i];
-    for (std::size_t i = 0; i < atb.values.size(); ++i)
-      right += double{atb.values[i]} * field.values[i];
-    ASSERT_GT(left, 0);
-    EXPECT_NEAR(right / left, 1, 1e-5) << slices;
+    const RandomPair random(bench.grid);
+    expect_transposes(*projector, random);
+    expect_same_for_any_threads(*projector, *make_projector(bench), random);
   }
 }
 

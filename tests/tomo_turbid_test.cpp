@@ -15,6 +15,7 @@
 #include "slicecorr/turbidity.hpp"
 #include "slicecorr/vial.hpp"
 #include "tomo_jobs.hpp"
+#include "tomo_pair.hpp"
 #include "tomo_walk.hpp"
 
 namespace slicecorr::tomo::turbid_test {
@@ -194,35 +195,10 @@ TEST(TomoTurbid, PhotonsAgree) {
 TEST(TomoTurbid, OperatorsAreTransposes) {
   const Bench bench =
       make_bench(small_printer(true, 0.25), turbid_resin(0.4, 0.1, 0.92), {0.25, 3, 8});
-  Field field(bench.grid);
-  Light light(bench.grid);
-  std::mt19937 random(3);
-  const TomoGrid& g = bench.grid;
-  for (int y = 0; y < g.voxels; ++y) {
-    for (int x = g.inside(y).first; x < g.inside(y).end; ++x) {
-      for (int z = 0; z < g.slices; ++z) {
-        field.values[g.voxel(x, y, z)] = static_cast<float>(random() % 1000) * 1e-3F;
-      }
-    }
-  }
-  for (int m = 0; m < g.angles; ++m) {
-    for (int i = 0; i < g.pixels; ++i) {
-      for (int r = 0; r < g.rows; ++r) {
-        light.values[g.pixel(m, i, r)] = static_cast<float>(random() % 1000) * 1e-3F;
-      }
-    }
-  }
+  const RandomPair random(bench.grid);
   for (const auto& projector :
        {make_projector(bench), make_search_projector(bench, Search::close)}) {
-    const Light ax = forward(*projector, {}, field);
-    const Field atb = adjoint(*projector, {}, light);
-    double left = 0, right = 0;
-    for (std::size_t i = 0; i < ax.values.size(); ++i)
-      left += double{ax.values[i]} * light.values[i];
-    for (std::size_t i = 0; i < atb.values.size(); ++i)
-      right += double{atb.values[i]} * field.values[i];
-    ASSERT_GT(left, 0);
-    EXPECT_NEAR(right / left, 1, 1e-5);
+    expect_transposes(*projector, random);
   }
 }
 

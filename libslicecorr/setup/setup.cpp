@@ -12,6 +12,7 @@
 #include "setup/counts.hpp"
 #include "setup/exposures.hpp"
 #include "setup/lamps.hpp"
+#include "setup/stacks.hpp"
 #include "slicecorr/assumed_light.hpp"
 #include "slicecorr/cure.hpp"
 #include "slicecorr/error.hpp"
@@ -419,24 +420,6 @@ void Resolver::resolve_uv(Setup& setup) const {
   uv.dead_zone_um = c_.dead_zone_um;
 }
 
-/// Throws `InputError` when another printer, process or exponent is chosen for a recording: it was
-/// shown by one printer in one way, and its light is relative to that.
-void check_recorded(const Setup& setup, const StackInfo& info) {
-  Process process = *info.process;
-  process.allow_window_cure = setup.process.allow_window_cure;
-  // Lifts and adhesion change no dose, and older recordings do not know them.
-  Printer printer = *info.printer;
-  printer.lift_motion = setup.printer.lift_motion;
-  printer.adhesion_kpa = setup.printer.adhesion_kpa;
-  if (setup.printer == printer && setup.process == process &&
-      light_exponent(setup.resin, setup.process) == light_exponent(*info.resin, process)) {
-    return;
-  }
-  wrong(
-      "the stack is a recording of a print: its printer, speed, exposure and UV light are those of "
-      "that print; expected no others, and no resin with another exponent m");
-}
-
 Printer Resolver::printer() const {
   if (assumes()) {
     Printer display = c_.printer_toml.empty() ? load_display(c_.printer)
@@ -580,7 +563,7 @@ Setup Resolver::resolve(const StackInfo* info, const StackInfo* times) const {
   }
   detail::check_counts(setup, c_, names_);
   if (setup.process.assumed != AssumedLight::none) detail::assume_errors(setup);
-  if (info && info->recording) check_recorded(setup, *info);
+  if (info && info->recording) detail::check_recorded(setup, *info);
   setup.printer = for_resin(std::move(setup.printer), setup.resin);
   return setup;
 }
@@ -614,15 +597,6 @@ void check_chosen_light(const Printer& printer, const Resin& resin, bool uv,
 Setup resolve_setup(const SetupChoices& choices, const StackInfo* info, const StackInfo* times,
                     ChoiceNames names) {
   return Resolver(choices, names).resolve(info, times);
-}
-
-void check_design(const StackInfo& info, const std::string& path) {
-  if (info.kind == StackKind::recorded) {
-    throw InputError(path, "", "is a recording of a print; expected the target of that print");
-  }
-  if (info.kind == StackKind::corrected) {
-    throw InputError(path, "", "is a corrected stack; expected the target that it was made from");
-  }
 }
 
 }  // namespace slicecorr

@@ -42,11 +42,11 @@ class FrameLight {
   const StackReader& stack_;
   const Process& process_;
   const double uv_tolerance_mw_cm2_;  ///< of the lamp
-  const LightMap light_;
+  const LightMap light_, uv_light_;
   const std::size_t pixels_;
   const std::vector<double> blue_;  ///< mW/cm², by level
   std::array<int, 256> level_{};    ///< by pixel value
-  Image places_;                    ///< values of the light map, where they count
+  Image places_, uv_places_;        ///< values of the light maps, where they count
   std::optional<Kinetics> kinetics_;
   std::array<double, 256> uv_intensity_{};  ///< mW/cm², by pixel value of patterned UV light
 };
@@ -57,6 +57,7 @@ FrameLight::FrameLight(const PrintPlan& plan, const StackReader& stack, const Ma
       process_(*stack.info().process),
       uv_tolerance_mw_cm2_(machine.uv.tolerance * plan.uv_max_mw_cm2),
       light_(machine.printer, stack.info().grid, stack.frame()),
+      uv_light_(uv_light_map(machine.printer, stack.info().grid, stack.frame())),
       pixels_(static_cast<std::size_t>(stack.info().grid.width_px) *
               static_cast<std::size_t>(stack.info().grid.height_px)),
       blue_(level_intensities(machine.printer)) {
@@ -66,10 +67,13 @@ FrameLight::FrameLight(const PrintPlan& plan, const StackReader& stack, const Ma
   }
   if (!plan.uv) return;
   kinetics_ = make_kinetics(*stack.info().resin, true, true);
-  if (!light_.even()) {
-    places_.resize(pixels_);
-    light_.values({0, 0, stack.info().grid.width_px, stack.info().grid.height_px}, places_.data());
-  }
+  const auto take_places = [&](const LightMap& map, Image& places) {
+    if (map.even()) return;
+    places.resize(pixels_);
+    map.values({0, 0, stack.info().grid.width_px, stack.info().grid.height_px}, places.data());
+  };
+  take_places(light_, places_);
+  take_places(uv_light_, uv_places_);
   if (!plan.uv_patterned) return;
   const auto levels = uv_level_intensities(printer);
   for (int v = 0; v < 256; ++v) {
@@ -79,7 +83,7 @@ FrameLight::FrameLight(const PrintPlan& plan, const StackReader& stack, const Ma
 }
 
 double FrameLight::greatest_ratio(int n, const Image& image, std::uint8_t most) const {
-  if (places_.empty() && !plan_.uv_patterned) return intensity_of(most);
+  if (places_.empty() && uv_places_.empty() && !plan_.uv_patterned) return intensity_of(most);
   Image uv_image;
   if (plan_.uv_patterned) {
     uv_image.resize(pixels_);
@@ -90,6 +94,8 @@ double FrameLight::greatest_ratio(int n, const Image& image, std::uint8_t most) 
     if (level_[image[p]] <= 0) continue;
     double value = intensity_of(image[p]);
     if (!places_.empty()) value *= light_.factor(places_[p]);
+    // As much more blue light as less UV light comes there.
+    if (!uv_places_.empty()) value /= std::max(uv_light_.factor(uv_places_[p]), 1e-12);
     if (plan_.uv_patterned) {
       value /= std::max(uv_intensity_[uv_image[p]] / plan_.uv_max_mw_cm2, 1e-12);
     }

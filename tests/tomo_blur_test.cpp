@@ -373,8 +373,8 @@ TEST(TomoBath, FilesSayIt) {
   for (const auto& [key, missing] : {std::pair{"extinction_per_cm", "cure.albedo: missing"},
                                      {"albedo", "expected extinction_per_cm too"},
                                      {"anisotropy", "expected extinction_per_cm too"}}) {
-    EXPECT_THAT(refusal([&] { parse_resin(resin + key + " = 0.9\n", "gel.toml"); }),
-                testing::HasSubstr(missing))
+    const std::string text = resin + key + " = 0.9\n";
+    EXPECT_THAT(refusal([&] { parse_resin(text, "gel.toml"); }), testing::HasSubstr(missing))
         << key;
   }
 }

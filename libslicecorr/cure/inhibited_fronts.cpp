@@ -11,6 +11,7 @@
 #include <memory>
 
 #include "cure/front_profile.hpp"
+#include "slicecorr/dose.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/inhibited.hpp"
 

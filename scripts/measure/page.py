@@ -10,10 +10,11 @@ BEGIN = "<!-- made by scripts/bench -->"
 END = "<!-- end of scripts/bench -->"
 TITLES = {
     1: "slicing beside PrusaSlicer",
-    2: "`correct` beside decoding and encoding",
+    2: "`correct` and `verify` beside decoding and encoding",
     3: "`run`",
     4: "two threads beside one",
     5: "peak memory",
+    6: "under UV light",
 }
 
 
@@ -83,16 +84,29 @@ def jobs(result):
         if not found["run"]:
             continue
         peer = goals.find(result, **case, job="prusaslicer", antialias=True)
-        count = goals.voxels(result, case)
         row = [goals.words(case)]
-        row += [figure(goals.median(found[job], "wall_s") if found[job] else None) for job in found]
-        row.append(figure(goals.ratio(found["correct"], found["convert"])))
-        row.append(figure(count / goals.median(found["run"], "wall_s") / 1e9 if count else None))
+        row += [
+            f"{figure(goals.median(found[job], 'wall_s'))} ({figure(goals.peak(found[job]))})" if found[job] else "-"
+            for job in found
+        ]
+        row += [figure(goals.ratio(found[job], found["convert"])) for job in ("correct", "verify")]
         row.append(figure(goals.ratio(peer, found["run"])))
-        row.append(figure(max(goals.peak(r) for r in found.values() if r)))
         rows.append(row)
-    head = ["part", "`convert`, s", "`correct`, s", "`verify`, s", "`run`, s", "correct / convert", "run, G voxels/s", "PrusaSlicer / run", "greatest peak, MiB"]
+    head = ["part", "`convert`, s (MiB)", "`correct`, s (MiB)", "`verify`, s (MiB)", "`run`, s (MiB)", "correct / convert", "verify / convert", "PrusaSlicer / run"]
     return table(head, rows)
+
+
+def under_uv(result):
+    """Empty where nothing was measured under UV light."""
+    rows = []
+    for case in goals.cases(result):
+        for job in goals.UNDER_UV_S:
+            found = goals.find(result, **case, job=job, antialias=True, threads=result["machine"]["cores"])
+            if not found:
+                continue
+            processor_s = goals.median(found, "user_s") + goals.median(found, "system_s")
+            rows.append([goals.words(case), job, figure(goals.median(found, "wall_s")), figure(processor_s), figure(goals.peak(found))])
+    return table(["part", "", "s", "processor, s", "peak, MiB"], rows) if rows else ""
 
 
 def stages(result):
@@ -176,6 +190,8 @@ def tables(result):
         "### Slicing\n\n" + slicing(result),
         "### Correcting\n\n" + jobs(result),
     ]
+    if under_uv(result):
+        parts_of.append("### Under UV light\n\n" + under_uv(result))
     if result["stages"]:
         parts_of.append("### Stages\n\n" + stages(result))
     compared = [s for o in result["outputs"] for w in ("on", "off") for s in o.get(w, {}).get("samples", [])]

@@ -7,6 +7,13 @@ import pathlib
 import subprocess
 
 
+UV_LAMP = """[uv]
+wavelength_nm = 365
+kind = "patterned"
+calibration = [[0, 0.0], [255, 275.0]]
+"""
+
+
 @dataclasses.dataclass(frozen=True)
 class Display:
     name: str
@@ -26,7 +33,8 @@ class Display:
     def words(self):
         return f"{self.width_px} x {self.height_px}"
 
-    def printer_toml(self):
+    def printer_toml(self, uv=False):
+        """With `uv` it has a lamp of inhibiting light that shows images, as dual-wavelength printers have."""
         return f"""name = "bench-{self.name}"
 [display]
 width_px = {self.width_px}
@@ -42,7 +50,7 @@ travel_mm = 150
 [provenance]
 source = "a model display"
 measurements = "none: a model printer"
-"""
+""" + (UV_LAMP if uv else "")
 
 
 DISPLAYS = {
@@ -57,18 +65,24 @@ class Part:
     name: str
     words: str
     layers_um: tuple  # the first is the one that all displays are measured with
-    make: tuple = ()  # arguments of make_part around the file
+    make: tuple = ()  # program that makes it and what it is told: OUT stands for the file
     triangles: int = 0  # that make_part must have made; 0: some
     file: str = ""  # under the folder of real data
     closed: bool = True  # its slices' areas follow from its triangles
+    lattice: bool = False  # all of it is edges: other figures are promised
+    under_uv: bool = False  # measured under inhibiting light, too
 
 
 PARTS = {
     p.name: p
     for p in (
-        Part("gyroid", "gyroid lattice", (50, 25, 10), ("gyroid", "60", "60", "38.47", "10", "1.42"), 317084),
-        Part("bumpy", "bumpy sphere", (50,), ("sphere", "37", "289"), 12 * 289 * 289),
-        Part("benchy", "3DBenchy", (50,), file="meshes/clean/3DBenchy.stl"),
+        Part("gyroid", "gyroid lattice", (50, 25, 10), ("make_part", "gyroid", "OUT", "60", "60", "38.47", "10", "1.42"), 317084, lattice=True),
+        Part("bumpy", "bumpy sphere", (50,), ("make_part", "sphere", "OUT", "37", "289"), 12 * 289 * 289),
+        Part(
+            "struts", "lattice of struts", (50,), ("make_lattice", "OUT", "5", "5", "4", "8", "0.7"),
+            closed=False, lattice=True,
+        ),
+        Part("benchy", "3DBenchy", (50,), file="meshes/clean/3DBenchy.stl", under_uv=True),
         Part(
             "channels",
             "microfluidic channels",
@@ -88,14 +102,14 @@ SCALING = (
     (
         "triangles",
         "bumpy sphere of 10 million triangles",
-        Part("ten-million", "bumpy sphere", (50,), ("sphere", "37", "913"), 12 * 913 * 913),
+        Part("ten-million", "bumpy sphere", (50,), ("make_part", "sphere", "OUT", "37", "913"), 12 * 913 * 913),
         DISPLAYS["2k"],
         50,
     ),
     (
         "slices",
         "gyroid column of 100 mm",
-        Part("column", "gyroid column", (1,), ("gyroid", "10", "10", "100", "10", "1.42"), 0),
+        Part("column", "gyroid column", (1,), ("make_part", "gyroid", "OUT", "10", "10", "100", "10", "1.42"), 0),
         DISPLAYS["2k"],
         1,
     ),
@@ -118,15 +132,14 @@ def fetch(part, binaries, data, folder):
             raise Missing(f"{part.words}: no {path}")
         return str(path)
     path = pathlib.Path(folder) / f"{part.name}.stl"
-    kind, *sizes = part.make
+    program, *told = part.make
+    command = [f"{binaries}/{program}", *(str(path) if word == "OUT" else word for word in told)]
     try:
-        made = subprocess.run(
-            [f"{binaries}/make_part", kind, str(path), *sizes], capture_output=True, text=True, check=False
-        )
+        made = subprocess.run(command, capture_output=True, text=True, check=False)
     except OSError as error:
-        raise NotMade(f"{binaries}/make_part: can't be started: {error.strerror}") from error
+        raise NotMade(f"{command[0]}: can't be started: {error.strerror}") from error
     size = path.stat().st_size if path.is_file() else 0
     if made.returncode != 0 or size <= 84 or (part.triangles and size != 84 + 50 * part.triangles):
         expected = f"{part.triangles} triangles" if part.triangles else "a mesh"
-        raise NotMade(f"make_part {' '.join(part.make)}: did not write {expected}: {made.stderr.strip()}")
+        raise NotMade(f"{' '.join(part.make)}: did not write {expected}: {made.stderr.strip()}")
     return str(path)

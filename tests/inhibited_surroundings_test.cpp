@@ -11,6 +11,7 @@
 #include <cmath>
 #include <random>
 
+#include "correct/inhibited_plan.hpp"
 #include "refusal.hpp"
 #include "rounds.hpp"
 #include "slicecorr/correct.hpp"
@@ -234,6 +235,65 @@ TEST_P(UvSurroundings, CorrectedColumnsPrint) {
   if (GetParam() != platform) {
     EXPECT_GT(without, 0);
   }
+}
+
+TEST_P(UvSurroundings, FarLightOfManySlicesIsThatOfEach) {
+  std::mt19937 random(11);
+  for (int round = 0; round < 2; ++round) {
+    Lit lit = random_lit(random, GetParam(), round % 2 == 1);
+    if (GetParam() != platform) lit.process.layer_heights_um.assign({20, 20, 20, 50, 50, 80, 35});
+    constexpr int slices = 90;
+    const detail::InhibitedPlan plan(lit.model(), false, slices, slices);
+    const InhibitedKernel& kernel = *plan.kernel;
+    const auto each = [&](const detail::FarLight::Slices& of, const auto& level) {
+      double sum = 0;
+      for (int n = of.first; n < of.end; ++n) {
+        const double um = kernel.place_um(n - plan.near + 1) - kernel.place_um(of.k);
+        sum += plan.ratio_of(n) * plan.node_light.last(kernel.setting_of_slice(n), level(n)) *
+               std::exp(-kernel.kinetics().m * um / kernel.kinetics().hb_um) *
+               kernel.returned(kernel.place_um(of.k));
+      }
+      return sum;
+    };
+    for (int look = 0; look < 200; ++look) {
+      const int k = static_cast<int>(random() % (slices - plan.near - 1));
+      detail::FarLight::Slices of{k, k + plan.near, slices};
+      of.first += static_cast<int>(random() % static_cast<unsigned>(slices - of.first + 1));
+      of.end -= static_cast<int>(random() % static_cast<unsigned>(slices - of.first + 1));
+      const int level = static_cast<int>(random() % 256);
+      const auto full = [&](int n) { return plan.cap_of(n); };
+      const auto steady = [&](int n) { return std::min(plan.steady_of(n), plan.cap_of(n)); };
+      // Sums and differences of some hundred numbers below 10, each rounded to 1e-16.
+      constexpr double rounded = 1e-12;
+      EXPECT_NEAR(plan.far_light.of_level(level, of), each(of, [&](int) { return level; }),
+                  rounded);
+      EXPECT_NEAR(plan.far_light.of_caps(of), each(of, full), rounded);
+      EXPECT_NEAR(plan.far_light.of_steady(of), each(of, steady), rounded);
+      if (of.first < slices) {
+        const int j = of.first - k;
+        EXPECT_NEAR(plan.ratio_of(of.first) * plan.light_of(of.first, level, j),
+                    each({k, of.first, of.first + 1}, [&](int) { return level; }), rounded);
+      }
+    }
+  }
+}
+
+TEST(UvOwnLayers, FarLightOfHighPrintsNeitherEndsNorOverflows) {
+  Lit lit;
+  // 800 slices of 2 mm: e^-3900 from one end to the other is 0.
+  lit.process.layer_heights_um = {50, 50, 2000};
+  const CureModel model = lit.model();
+  const InhibitedKernel& kernel = *model.inhibited();
+  const detail::NodePowers powers(kernel, 800);
+  for (const int from : {2, 3, 40, 799, 800}) {
+    for (const int to : {from, from - 1, std::max(0, from - 9)}) {
+      const double um = kernel.place_um(from) - kernel.place_um(to);
+      const double left = std::exp(-kernel.kinetics().m * um / kernel.kinetics().hb_um);
+      // Exponents of up to 5,700 are right to 1e-12 of a half.
+      EXPECT_NEAR(powers.fade(from, to), left, 2e-12 * left) << from << " " << to;
+    }
+  }
+  EXPECT_EQ(powers.fade(800, 0), 0.0);
 }
 
 std::string name_of_kind(const testing::TestParamInfo<Kind>& kind) {

@@ -168,9 +168,8 @@ void ColumnDoses::add_dark(int n, int end) {
 
 /// What slices from `next` on give node k, all of them beyond the reach of the tables, where layers are not alike.
 double ColumnDoses::far_of_own(int k, int next) const {
-  const InhibitedKernel& kernel = *plan_.kernel;
-  const double um = kernel.place_um(next - plan_.near + 1) - kernel.place_um(k);
-  return far_node_[static_cast<std::size_t>(next)] * kernel.fade(um) * plan_.node_back(k);
+  return far_node_[static_cast<std::size_t>(next)] *
+         plan_.far_light.fade(next - plan_.near + 1, k) * plan_.node_back(k);
 }
 
 /// Replaces the light that slice n gives the layers within reach of the tables: that of level

@@ -19,11 +19,6 @@ constexpr double kFarUm = 1e9;
 
 }  // namespace
 
-double InhibitedPlan::far_light_of(int n, int level, int j) const {
-  const double um = kernel->place_um(n - near + 1) - kernel->place_um(n - j);
-  return node_light.last(setting_of(n), level) * kernel->fade(um) * node_back(n - j);
-}
-
 int InhibitedPlan::longest(int lag) const {
   if (kernel->heights().alike()) return lag;
   const std::vector<double>& um = kernel->heights().um();

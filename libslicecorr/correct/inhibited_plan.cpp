@@ -113,11 +113,17 @@ InhibitedPlan::InhibitedPlan(const CureModel& model, bool merge, int target_laye
   for (const double r : model.exposure_ratio) uniform = uniform && r == 1.0;
   uniform = uniform && kernel->settings() == 1;
   if (!uniform) {
-    for (int n = 0; n < all_layers; ++n) ratio.push_back(model.ratio(n));
+    for (int n = 0; n < all_layers; ++n) {
+      ratio.push_back(model.ratio(n));
+      settings.push_back(kernel->setting_of_slice(n));
+    }
   }
   find_levels();
   find_lags();
-  if (!kernel->alike()) find_own_layers();
+  if (!kernel->alike()) {
+    find_own_layers();
+    far_light = FarLight(*this);
+  }
   if (uniform) tabulate_promises();
   sum_dark(model);
   if (model.lifts) find_holding(model);

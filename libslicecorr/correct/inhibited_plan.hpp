@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "correct/column_solver.hpp"
+#include "correct/far_light.hpp"
 #include "correct/inhibited_tuning.hpp"
 #include "correct/solved_columns.hpp"
 #include "slicecorr/cure.hpp"
@@ -135,7 +136,10 @@ struct InhibitedPlan {
   /// promised its dose late gets it from slices further away.
   int slices_for(int target_layers, int last_lit) const;
 
-  int setting_of(int slice) const { return uniform ? 0 : kernel->setting_of_slice(slice); }
+  int setting_of(int slice) const {
+    const auto n = static_cast<std::size_t>(std::max(slice, 0));
+    return uniform ? 0 : n < settings.size() ? settings[n] : kernel->setting_of_slice(slice);
+  }
   /// Exposure of a slice over the normal one.
   double ratio_of(int slice) const {
     return ratio.empty() ? 1.0 : ratio[static_cast<std::size_t>(slice)];
@@ -189,6 +193,7 @@ struct InhibitedPlan {
   std::shared_ptr<const InhibitedKernel> kernel;
   ExtraLight node_light, middle_light;
   std::vector<double> ratio;  ///< per slice; empty: all 1
+  std::vector<int> settings;  ///< per slice, where not `uniform`
   /// With lifts: least level whose own exposure leaves what holds at the layer's far edge, per slice, no
   /// higher than caps; empty: nothing is lifted.
   std::vector<Level> holding_own;
@@ -224,9 +229,13 @@ struct InhibitedPlan {
   std::vector<int> lags_from;   ///< [lag][node]; layers of one height: empty
   std::vector<double> insides;  ///< `inside` by layers, where their heights differ layer by layer
   std::vector<int> steadies;    ///< `steady`, likewise
+  FarLight far_light;
 
  private:
-  double far_light_of(int n, int level, int j) const;
+  double far_light_of(int n, int level, int j) const {
+    return node_light.last(setting_of(n), level) * far_light.fade(n - near + 1, n - j) *
+           node_back(n - j);
+  }
   void find_own_layers();
   int reach_at(double height_um, int level) const;
   int steady_at(double height_um) const;

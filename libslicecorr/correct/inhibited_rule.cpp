@@ -403,7 +403,12 @@ double LevelRule::promised(int n, int level, int k, int from) const {
   const int start = std::min(std::max(from, k), n);
   if (plan_.uniform && !doses_.has_floors()) return light.sum(0, level, start - k, n - k + 1);
   double sum = 0;
-  for (int i = start; i <= n; ++i) {
+  int end = n + 1;
+  if (far_at_once()) {
+    sum = plan_.far_light.of_level(level, {k, std::max(start, k + plan_.near), end});
+    end = std::min(end, k + plan_.near);
+  }
+  for (int i = start; i < end; ++i) {
     sum += doses_.has_floors() ? doses_.extra(i, within(i, level), i - k)
                                : plan_.ratio_of(i) * plan_.light_of(i, level, i - k);
   }
@@ -434,7 +439,14 @@ inline double LevelRule::can_still_come(int n, int k, int from, int lag) const {
     if (from < k + lag) can += light.sum(0, plan_.steady, from - k, lag);
     return can;
   }
-  for (int i = from; i < n; ++i) {
+  int end = n;
+  if (caps_.empty() && far_at_once()) {
+    const int first = std::max(from, k + plan_.near), full = std::max(first, k + lag);
+    can = plan_.far_light.of_steady({k, first, std::min(full, n)});
+    can += plan_.far_light.of_caps({k, full, n});
+    end = std::min(n, k + plan_.near);
+  }
+  for (int i = from; i < end; ++i) {
     const int cap = cap_of(i);
     const int l = i >= k + lag ? cap : std::min(plan_.steady_of(i), cap);
     can += doses_.has_floors() ? doses_.extra(i, within(i, l), i - k)

@@ -68,6 +68,8 @@ class LevelRule {
   bool even_light_fits(int n, int first_feature);
   double borne_by_edge(const Feature& feature) const;
   int cap_of(int n) const { return plan_.cap_of(n, caps_); }
+  /// Whether slices beyond the reach of the tables are summed at once, not one by one.
+  bool far_at_once() const { return !plan_.fades.empty() && !doses_.has_floors(); }
   /// The light of slice n when `level` is asked of it.
   int within(int n, int level) const {
     return std::clamp(level, doses_.floor(n), std::max(doses_.floor(n), cap_of(n)));

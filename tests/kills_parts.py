@@ -3,7 +3,9 @@
 """Small inputs for programs that are killed, cut off from their disk, or starved: meshes, an SL1 archive, a printer, a
 machine. Shares no code with the programs."""
 
+import contextlib
 import hashlib
+import json
 import os
 import struct
 import subprocess
@@ -105,6 +107,29 @@ def fast_printer(path, slices, bench_px=(32, 24)):
     return mesh, target, stack
 
 
+@contextlib.contextmanager
+def octoprint(programs, *traps):
+    """A printer on the network (OctoPrint's calls), which a farm in the folder `farm` knows as `octo`. Gives its process, and a
+    function that asks it for what it knows."""
+    peer = subprocess.Popen(["/usr/bin/python3", "-B", os.path.join(ROOT, "tests/machine_peer.py"), "octoprint", "--trap",
+                             "resolution=160x120", *traps], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+
+    def asked(what):
+        peer.stdin.write(what + "\n")
+        peer.stdin.flush()
+        return json.loads(peer.stdout.readline())
+    try:
+        port = json.loads(peer.stdout.readline())["port"]
+        with open(os.open(programs.path("key"), os.O_CREAT | os.O_WRONLY, 0o600), "w") as file:
+            file.write("abcdefgh\n")
+        programs.sound("slicefarm", "machines", "add", "octo", "--kind", "octoprint", "--address", f"127.0.0.1:{port}", "--format", "sl1",
+                       "--resolution-px", "160,120", "--key-file", programs.path("key"), "--dir", "farm")
+        yield peer, asked
+    finally:
+        peer.stdin.close()
+        peer.wait()
+
+
 class Programs:
     """The built programs, run in one folder with a database of its own and nothing of the user's."""
 
@@ -138,6 +163,13 @@ class Programs:
         if done.returncode != 0:
             raise RuntimeError(f"{' '.join(map(str, words))}: {done.returncode}: {done.stderr}")
         return done
+
+    def machine(self, printer, *more):
+        """A printer-sim that moves with its bridge's clock, and where it listens."""
+        sim = self.start("printer-sim", "--printer", printer, "--listen", "127.0.0.1:0", "--quiet", "--lockstep", *more,
+                         stdout=subprocess.PIPE)
+        modbus = json.loads(sim.stdout.readline())["modbus"]
+        return sim, modbus if modbus.startswith("tcp:") else "tcp:" + modbus
 
     def path(self, name):
         return os.path.join(self.folder, name)

@@ -15,6 +15,7 @@
 #include <nlohmann/json.hpp>
 
 #include "support/files/errno_message.hpp"
+#include "support/text/display_text.hpp"
 
 namespace slicecorr::post {
 
@@ -27,14 +28,7 @@ std::string now() {
   return fmt::format("{:%Y-%m-%dT%H:%M:%S%z}", local);
 }
 
-/// Names of files come from outside: a line stays one line.
-std::string on_one_line(std::string text) {
-  for (char& c : text) {
-    if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) c = ' ';
-  }
-  return text;
-}
-
+/// Names of files come from outside: a line stays one line, and moves no terminal's cursor.
 /// Lines after each other: behind a full stop as a sentence of its own, else after a semicolon.
 std::string in_sequence(const std::string& lines) {
   std::string text;
@@ -44,7 +38,7 @@ std::string in_sequence(const std::string& lines) {
     text += lines.substr(at, end - at);
     at = end + 1;
   }
-  return on_one_line(std::move(text));
+  return text::printable(text);
 }
 
 }  // namespace
@@ -74,10 +68,16 @@ void Log::add(const LogLine& line) {
     if (!line.verdict.empty()) j["verdict"] = line.verdict;
     if (line.seconds >= 0) j["seconds"] = line.seconds;
     if (line.code >= 0) j["code"] = line.code;
-    text = j.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
+    const auto dump = [&](bool ascii) {
+      return j.dump(-1, ' ', ascii, nlohmann::ordered_json::error_handler_t::replace);
+    };
+    // Who reads it gets the name as it is; a terminal gets nothing that moves its cursor.
+    text = dump(false);
+    if (text::printable(text) != text) text = dump(true);
+    text += "\n";
   } else {
     text = fmt::format("{} {}", now(), line.event);
-    if (!line.file.empty()) text += fmt::format(" {}", on_one_line(line.file));
+    if (!line.file.empty()) text += fmt::format(" {}", text::printable(line.file));
     if (!line.message.empty()) text += fmt::format(": {}", in_sequence(line.message));
     if (line.seconds >= 0) text += fmt::format(" ({:.1f} s)", line.seconds);
     text += "\n";

@@ -8,10 +8,13 @@
 #include <gmock/gmock.h>
 
 #include <filesystem>
+#include <fstream>
 
 #include "bridge_fixture.hpp"
 #include "control_bench.hpp"
+#include "few_files.hpp"
 #include "slicecorr/bridge/link.hpp"
+#include "slicecorr/bridge/record.hpp"
 #include "slicecorr/bridge/run.hpp"
 #include "slicecorr/error.hpp"
 
@@ -469,6 +472,20 @@ TEST(BridgeMeasured, FiguresThatDifferAreSaidWithTheirDifference) {
   ASSERT_EQ(bench.controller.fault(), Fault::uv_ratio);
   EXPECT_THAT(bench.controller.fault_detail(), HasSubstr("200 mW/cm²"));
   EXPECT_THAT(bench.controller.fault_detail(), HasSubstr("needs 200.1"));
+}
+
+// How a print ended that stands in no latch is known by the journal alone.
+TEST(BridgeStart, AJournalThatCantBeReadIsNotTakenForNone) {
+  const TemporaryFolder folder;
+  Printer printer;
+  printer.name = "one";
+  const StateFolder state = StateFolder::of(folder.path(), printer);
+  EXPECT_FALSE(read_latch(state, true).has_value());
+  std::ofstream(state.file("journal.jsonl")) << R"({"what": "print begins"})"
+                                             << "\n";
+  EXPECT_TRUE(read_latch(state, true).has_value());
+  const NoMoreFiles none;
+  EXPECT_THROW(read_latch(state, true), DeviceError);
 }
 
 }  // namespace

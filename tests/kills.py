@@ -12,6 +12,7 @@ stays at work for ever. A line of JSON per kind on stdout; exit code 0: all held
 """
 
 import argparse
+import contextlib
 import http.client
 import json
 import os
@@ -423,28 +424,21 @@ class Send(Kind):
     """slicefarm machines send to a printer on the network (OctoPrint's calls)."""
 
     def prepare(self):
-        self.peer = subprocess.Popen(["/usr/bin/python3", "-B", os.path.join(kills_parts.ROOT, "tests/machine_peer.py"), "octoprint",
-                                      "--trap", "resolution=160x120"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
-        port = json.loads(self.peer.stdout.readline())["port"]
-        with open(os.open(self.path("key"), os.O_CREAT | os.O_WRONLY, 0o600), "w") as file:
-            file.write("abcdefgh\n")
+        self.machine = contextlib.ExitStack()
+        _, self.asked = self.machine.enter_context(kills_parts.octoprint(self.programs))
         kills_parts.sl1(self.path("part.sl1"), 40)
         with open(self.path("noise.bin"), "wb") as file:
             file.write(os.urandom(3 << 20))
         with zipfile.ZipFile(self.path("part.sl1"), "a") as out:
             out.write(self.path("noise.bin"), "notes.bin")
         self.want = sha256(self.path("part.sl1"))
-        self.programs.sound("slicefarm", "machines", "add", "octo", "--kind", "octoprint", "--address", f"127.0.0.1:{port}", "--format",
-                            "sl1", "--resolution-px", "160,120", "--key-file", self.path("key"), "--dir", "farm")
         self.timed(*self.command())
 
     def command(self):
         return ["slicefarm", "machines", "send", "part.sl1", "octo", "--dir", "farm", "--quiet"]
 
     def files(self):
-        self.peer.stdin.write("log\n")
-        self.peer.stdin.flush()
-        return json.loads(self.peer.stdout.readline())["files"]
+        return self.asked("log")["files"]
 
     def one(self):
         before = self.files()
@@ -472,8 +466,7 @@ class Send(Kind):
             self.left("farm")
 
     def end(self):
-        self.peer.stdin.close()
-        self.peer.wait()
+        self.machine.close()
         super().end()
 
 

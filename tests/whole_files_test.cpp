@@ -12,14 +12,17 @@
 #include <filesystem>
 #include <random>
 
+#include "few_files.hpp"
 #include "killed_after.hpp"
 #include "ladder.hpp"
 #include "post_fixture.hpp"
 #include "rounds.hpp"
 #include "run_program.hpp"
+#include "slicecorr/error.hpp"
 #include "slicecorr/pipeline.hpp"
 #include "stack_fixture.hpp"
 #include "support/files/temporary.hpp"
+#include "support/files/text_file.hpp"
 
 namespace slicecorr::test {
 namespace {
@@ -122,6 +125,9 @@ TEST_F(WholeFiles, WhatKilledProcessesLeftIsRemovedByTheNext) {
   const std::string stem = ".out.uvj.", end = "-0.part";
   const std::vector<std::string> gone{stem + text_of(dead) + end,
                                       stem + text_of(dead) + end + ".a1B2c3",
+                                      stem + text_of(dead) + end + "-wal",
+                                      stem + text_of(dead) + end + "-shm",
+                                      stem + text_of(dead) + end + "-journal",
                                       stem + text_of(reborn) + end,
                                       stem + text_of(before) + end,
                                       ".mine.uvj." + text_of(dead) + end,
@@ -396,6 +402,37 @@ TEST_F(WholeFiles, WriteProtectedArchivesAreNotCorrectedInPlace) {
   // One that can't be read is a wrong input.
   fs::permissions(folder_ / "open/part.sl1", fs::perms(0));
   EXPECT_EQ(post({}).exit_code, 2);
+}
+
+// Who takes it for no file would begin anew, over what stands in it.
+TEST_F(WholeFiles, NoMoreFilesIsNoWordAboutAFile) {
+  write("there", "text");
+  EXPECT_EQ(text_of_file(folder_ / "there"), "text");
+  EXPECT_EQ(text_of_file(folder_ / "not there"), std::nullopt);
+  const NoMoreFiles none;
+  for (const bool or_none : {true, false}) {
+    try {
+      or_none ? text_of_file(folder_ / "there").value_or("") : read_text_file(folder_ / "there");
+      FAIL();
+    } catch (const DeviceError& e) {
+      EXPECT_THAT(e.what(), HasSubstr("there: can't be read: Too many open files"));
+    }
+  }
+}
+
+// In a folder that others may change, a link may stand where our file was a moment ago.
+TEST_F(WholeFiles, ModesAreGivenToNoFileBehindALink) {
+  for (const char* name : {"open", "secret", "own"}) write(name, "x");
+  std::filesystem::permissions(folder_ / "open", std::filesystem::perms(0666));
+  for (const char* name : {"secret", "own"}) {
+    std::filesystem::permissions(folder_ / name, std::filesystem::perms(0600));
+  }
+  std::filesystem::create_symlink("secret", (folder_ / "swapped"));
+  detail::copy_mode(folder_ / "open", folder_ / "swapped");
+  detail::copy_mode(folder_ / "open", folder_ / "own");
+  EXPECT_EQ(std::filesystem::status(folder_ / "secret").permissions(),
+            std::filesystem::perms(0600));
+  EXPECT_EQ(std::filesystem::status(folder_ / "own").permissions(), std::filesystem::perms(0666));
 }
 
 }  // namespace

@@ -12,6 +12,7 @@
 #include "machines/digest.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/farm/machines.hpp"
+#include "support/files/errno_message.hpp"
 #include "support/files/sha256.hpp"
 #include "support/text/ascii.hpp"
 
@@ -72,6 +73,7 @@ std::string stack_for(const MachineSpec& machine, const Job& job) {
 
 MachineFile machine_file(const std::string& path) {
   std::ifstream in(path, std::ios::binary);
+  if (!in) throw InputError(slicecorr::detail::errno_message(path, "can't be read"));
   std::string buffer(std::size_t{1} << 20, '\0');
   cli::Sha256 sha;
   detail::Md5 md5;

@@ -62,6 +62,9 @@ Database::Database(const std::string& path, Mode mode) : path_(path) {
   if (mode == Mode::create && ::access(path.c_str(), F_OK) != 0) {
     // Under another name until it is whole: an empty record is never one that somebody just makes.
     const slicecorr::detail::Temporary part{slicecorr::detail::make_temporary(path)};
+    // SQLite removes them when it closes, if it can.
+    const slicecorr::detail::Temporary log{part.path + "-wal"}, index{part.path + "-shm"},
+        journal{part.path + "-journal"};
     { const Database whole(part.path, Mode::make); }
     // Who else makes one may be faster.
     if (::link(part.path.c_str(), path.c_str()) != 0 && errno != EEXIST) {

@@ -74,7 +74,11 @@ FarmFolder open_folder(const std::string& root, const std::string& store) {
   // Where the store is, is said once, when the farm is made.
   const std::string note = folder.root + "/store.path";
   folder.store = folder.root + "/store";
-  if (std::ifstream file(note); file) {
+  std::ifstream file(note);
+  if (!file && errno != ENOENT) {
+    throw DeviceError(slicecorr::detail::errno_message(note, "can't be read"));
+  }
+  if (file) {
     std::getline(file, folder.store);
     if (!store.empty() && fs::absolute(store).lexically_normal() != fs::path(folder.store)) {
       throw InputError(folder.root, "", "has its store in " + folder.store + ", not in " + store);

@@ -22,6 +22,7 @@
 #include "support/files/errno_message.hpp"
 #include "support/files/sha256.hpp"
 #include "support/files/temporary.hpp"
+#include "support/files/temporary_path.hpp"
 #include "support/text/escape.hpp"
 
 namespace slicecorr::farm {
@@ -261,9 +262,11 @@ bool check_cached(const FarmFolder& folder, const std::string& key,
   return true;
 }
 
-std::string part_of_delivery(const std::string& output_folder, const std::string& name,
-                             const std::string& ending, const std::string& token) {
-  return output_folder + "/." + result_name(name.substr(0, 150), ending) + "." + token + ".part";
+/// What names of parts of a delivery begin with: of which attempt they are. Who made them follows (maker.hpp), so that any
+/// program removes them when that process was killed; the next service knows them by the attempt, also on another computer.
+std::string part_of_delivery(const std::string& name, const std::string& ending,
+                             const std::string& token) {
+  return result_name(name.substr(0, 120), ending) + "." + token;
 }
 
 std::vector<ResultFile> deliver(const FarmFolder& folder, const std::string& key,
@@ -277,11 +280,12 @@ std::vector<ResultFile> deliver(const FarmFolder& folder, const std::string& key
       for (const std::string& p : paths) ::unlink(p.c_str());
     }
   } parts;
+  slicecorr::detail::remove_left_over(output_folder);
   std::vector<ResultFile> delivered;
   for (const ResultFile& f : files) {
     const std::string from = folder.cache_entry(key) + "/" + cache_name(f.ending);
-    const std::string part = part_of_delivery(output_folder, name, f.ending, token);
-    ::unlink(part.c_str());
+    const std::string part = slicecorr::detail::temporary_path(
+        output_folder + "/" + part_of_delivery(name, f.ending, token));
     parts.paths.push_back(part);
     const Descriptor in{open_to_read(from)};
     const Descriptor out{open_new(part)};
@@ -332,10 +336,19 @@ std::vector<ResultFile> deliver(const FarmFolder& folder, const std::string& key
 
 void remove_delivery_parts(const std::string& output_folder, const std::string& name,
                            const std::string& format, const std::string& token) {
+  std::vector<std::string> begins;
   for (const std::string& ending :
        {format, std::string("html"), std::string("json"), std::string(cli::kTargetEnding),
         std::string(cli::kLeftAloneEnding), format + ".slicecorr"}) {
-    ::unlink(part_of_delivery(output_folder, name, ending, token).c_str());
+    begins.push_back("." + part_of_delivery(name, ending, token) + ".");
+  }
+  std::error_code error;
+  for (fs::directory_iterator at(output_folder, error), end; !error && at != end;
+       at.increment(error)) {
+    const std::string file = at->path().filename().string();
+    const bool of_it = std::any_of(begins.begin(), begins.end(),
+                                   [&](const std::string& b) { return file.starts_with(b); });
+    if (of_it) ::unlink(at->path().c_str());
   }
 }
 

@@ -18,6 +18,7 @@
 #include "record/left_json.hpp"
 #include "slicecorr/bridge/record.hpp"
 #include "slicecorr/error.hpp"
+#include "support/files/errno_message.hpp"
 #include "support/files/open_to_all.hpp"
 #include "support/files/temporary.hpp"
 #include "support/files/text_file.hpp"
@@ -68,6 +69,10 @@ struct JournalEnd {
 JournalEnd journal_of(const StateFolder& folder) {
   JournalEnd end;
   std::ifstream file(folder.file("journal.jsonl"));
+  // Without a journal nothing was printed; of one that can't be read nobody knows how it ended.
+  if (!file && errno != ENOENT) {
+    throw DeviceError(detail::errno_message(folder.file("journal.jsonl"), "can't be read"));
+  }
   std::string line;
   while (std::getline(file, line)) {
     const auto json = slicecorr::detail::try_json(line);

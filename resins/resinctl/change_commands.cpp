@@ -15,6 +15,7 @@
 #include "slicecorr/error.hpp"
 #include "slicecorr/resins/database.hpp"
 #include "slicecorr/resins/exchange.hpp"
+#include "support/files/errno_message.hpp"
 
 namespace slicecorr::resinctl {
 
@@ -51,6 +52,7 @@ int add(const AddArguments& a, const ExecutionContext& context, Console& console
   }
   for (const std::string& csv : a.data) {
     std::ifstream in(csv, std::ios::binary);
+    if (!in) throw InputError(slicecorr::detail::errno_message(csv, "can't be read"));
     std::stringstream bytes;
     bytes << in.rdbuf();
     if (!in) throw InputError(csv, "", "can't be read");

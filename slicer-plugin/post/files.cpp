@@ -108,6 +108,7 @@ std::vector<std::string> WorkFolder::remove_stale(const std::string& folder,
   std::vector<std::string> in_work;
   detail::remove_left_over(folder, [&](const std::string& path) {
     std::ifstream note(fs::path(path) / detail::kInWork);
+    if (!note && errno != ENOENT) return false;  // what it says is not known
     std::string name;
     if (!std::getline(note, name, '\0')) return true;
     if (!only.empty() && name != only) return false;

@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cerrno>
 #include <filesystem>
 #include <fstream>
 #include <optional>
@@ -27,6 +28,7 @@
 #include "slicecorr/tuning_part.hpp"
 #include "slicecorr/turned.hpp"
 #include "slicecorr/write_images.hpp"
+#include "support/files/errno_message.hpp"
 
 namespace slicecorr::cli {
 
@@ -98,7 +100,8 @@ struct Beside {
   /// What was measured is not written over.
   void check(const std::string& text) const {
     std::ifstream in(form, std::ios::binary);
-    if (!in) return;
+    if (!in && errno == ENOENT) return;
+    if (!in) throw InputError(detail::errno_message(form, "can't be read"));
     const std::string there{std::istreambuf_iterator<char>(in), {}};
     if (there.empty() || there == text || !fs::is_regular_file(form)) return;
     throw InputError(form, "",

@@ -9,6 +9,7 @@
 #include <fstream>
 
 #include "slicecorr/error.hpp"
+#include "support/files/errno_message.hpp"
 
 namespace slicecorr::cli {
 
@@ -41,6 +42,7 @@ std::string Hash::hex() {
 
 std::string sha256_of_contents(const std::string& path) {
   std::ifstream file(path, std::ios::binary);
+  if (!file) throw InputError(slicecorr::detail::errno_message(path, "can't be read"));
   std::string buffer(std::size_t{1} << 20, '\0');
   Sha256 hash;
   while (file) {

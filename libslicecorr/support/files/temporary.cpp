@@ -17,6 +17,7 @@
 
 #include "slicecorr/error.hpp"
 #include "support/files/errno_message.hpp"
+#include "support/files/temporary_path.hpp"
 
 namespace slicecorr::detail {
 namespace {
@@ -86,14 +87,17 @@ PathParts path_parts(const std::string& path) {
   return {slash == 0 ? "/" : path.substr(0, slash), path.substr(slash + 1)};
 }
 
-std::string make_temporary(const std::string& path, bool make_folder) {
+std::string temporary_path(const std::string& path) {
   static std::atomic<unsigned> counter{0};
   const PathParts place = path_parts(path);
-  remove_left_over(place.folder);
-  const std::string maker = text_of(this_process());
+  return place.folder + "/." + place.file.substr(0, kMostNameBytes) + "." +
+         text_of(this_process()) + "-" + std::to_string(counter++) + std::string(kEnding);
+}
+
+std::string make_temporary(const std::string& path, bool make_folder) {
+  remove_left_over(path_parts(path).folder);
   for (int attempt = 0; attempt < 1000; ++attempt) {
-    std::string name = place.folder + "/." + place.file.substr(0, kMostNameBytes) + "." + maker +
-                       "-" + std::to_string(counter++) + std::string(kEnding);
+    std::string name = temporary_path(path);
     if (make_folder) {
       if (::mkdir(name.c_str(), 0777) == 0) return name;
     } else {
@@ -143,9 +147,11 @@ std::optional<TemporaryName> temporary_name(const std::string& file) {
   }
   const std::size_t at = name.rfind(kEnding);
   if (at == std::string_view::npos || name.front() != '.') return std::nullopt;
-  // The zip library adds a point and six characters.
+  // The zip library adds a point and six characters, SQLite what its files beside a database are called.
   const std::string_view rest = name.substr(at + kEnding.size());
-  if (!rest.empty() && !(rest.size() == kAny + 1 && rest.front() == '.')) return std::nullopt;
+  const bool zip = rest.size() == kAny + 1 && rest.front() == '.';
+  const bool database = rest == "-wal" || rest == "-shm" || rest == "-journal";
+  if (!rest.empty() && !zip && !database) return std::nullopt;
   name = name.substr(0, at);
   const std::size_t point = name.rfind('.'), count = name.rfind('-');
   if (point == 0 || count == std::string_view::npos || count < point || count + 1 == name.size() ||
@@ -196,9 +202,16 @@ void put_in_place(Temporary& temporary, const std::string& path) {
 void copy_mode(const std::string& from, const std::string& to) {
   struct stat status;
   if (::stat(from.c_str(), &status) != 0) return;
+  // Who may change the folder may have put a link in the place of what we made: it is not followed.
   // The owner first: changing it clears some bits of the mode. Not allowed to most; no harm then.
-  [[maybe_unused]] const int owner = ::chown(to.c_str(), status.st_uid, status.st_gid);
-  ::chmod(to.c_str(), status.st_mode & 07777);
+  constexpr int kItself = AT_SYMLINK_NOFOLLOW;
+  [[maybe_unused]] const int owner =
+      ::fchownat(AT_FDCWD, to.c_str(), status.st_uid, status.st_gid, kItself);
+  // Some file systems keep no modes; without a free descriptor none can be given.
+  if (::fchmodat(AT_FDCWD, to.c_str(), status.st_mode & 07777, kItself) != 0 &&
+      (errno == EMFILE || errno == ENFILE)) {
+    throw DeviceError(errno_message(to, "can't be given its mode"));
+  }
 }
 
 void link_or_copy(const std::string& from, const std::string& to) {

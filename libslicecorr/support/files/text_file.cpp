@@ -3,10 +3,12 @@
 
 #include "support/files/text_file.hpp"
 
+#include <cerrno>
 #include <filesystem>
 #include <fstream>
 
 #include "slicecorr/error.hpp"
+#include "support/files/errno_message.hpp"
 #include "support/text/display_text.hpp"
 
 namespace slicecorr {
@@ -17,6 +19,13 @@ std::string read_text_file(const std::string& path, std::size_t most_bytes) {
     throw InputError(path, "", "is not a file that can be read");
   }
   std::ifstream in(path, std::ios::binary);
+  if (!in) {
+    const int why = errno;
+    const std::string message = detail::errno_message(path, "can't be read", why);
+    // No word about the file: who took it for none would go on as if nothing stood in it.
+    if (why == EMFILE || why == ENFILE) throw DeviceError(message);
+    throw InputError(message);
+  }
   std::string text;
   // In pieces: what a file's size says may change meanwhile.
   constexpr std::size_t kPiece = 1 << 16;

@@ -259,6 +259,15 @@ TEST_F(Exchange, TableOfWorkingCurves) {
   EXPECT_THAT(refused("resin,dp_um,ec_mj_cm2\nx,1,2\nX,3,4\n"), HasSubstr("the name 'x' twice"));
 }
 
+TEST_F(Exchange, MeasurementsAreNoResin) {
+  const auto refused = [&](const char* header) {
+    const std::string path = write("m.csv", header + std::string("\n255,1,120\n"));
+    return refusal([&] { import_definitions(path, {}); });
+  };
+  EXPECT_THAT(refused("intensity_mw_cm2,exposure_s,cured_height_um"), HasSubstr("resinctl fit"));
+  EXPECT_THAT(refused("level,exposure_s,thickness_um"), HasSubstr("resinctl calibrate"));
+}
+
 TEST_F(Exchange, LightOfAResinSurvivesExportAndImport) {
   const ResinRecord r = parse_record(
       "name = \"r\"\n[cure]\nwavelength_nm = 405\nabsorption_per_cm = 0.8\n"

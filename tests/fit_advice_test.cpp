@@ -369,6 +369,20 @@ TEST(Outliers, CountLittleWithARobustLoss) {
   }
 }
 
+// Four of five lie on a line by chance: 120 um for each doubling of the dose. The fifth was read to
+// full 5 um as they were, 5 um off it; it is no outlier, and no multiple of a scatter of 0.
+TEST(Outliers, ReadingsScatterByWhatTheyAreReadTo) {
+  Measurements data;
+  const double um[] = {210, 330, 455, 570, 690};
+  for (int i = 0; i < 5; ++i) data.cured.push_back(height(1, 20 << i, um[i]));
+  EXPECT_THAT(fit(data, FitModel::jacobs).outliers, IsEmpty());
+  data.cured[2].height_um = 650;  // 200 um off, where all are read to full 10 um
+  const FitResult off = fit(data, FitModel::jacobs);
+  ASSERT_EQ(off.outliers.size(), 1U);
+  EXPECT_EQ(off.outliers[0].point, 2U);
+  EXPECT_NEAR(std::abs(off.points[2].studentised), 200 * std::sqrt(0.8 * 12) / 10, 1e-6);
+}
+
 TEST(Outliers, PointsThatDecideAloneAreNamed) {
   Measurements data;
   for (int i = 0; i < 9; ++i) data.cured.push_back(height(20, 8 + 0.01 * i, 150 + i % 3));

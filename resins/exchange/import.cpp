@@ -50,6 +50,23 @@ std::string text_of_profile(const std::string& path) {
   return read_text_file(path);
 }
 
+/// Tables of what was measured are no resins yet: says which program makes one of them.
+void refuse_measurements(const CsvTable& table, const std::string& path) {
+  constexpr std::array<std::array<const char*, 3>, 4> kMeasured = {{
+      {"cured_height_um", "cured heights", "resinctl fit"},
+      {"dead_zone_um", "dead zones", "resinctl fit"},
+      {"time_s", "times to gel", "resinctl fit --model gel-time"},
+      {"thickness_um", "films", "resinctl calibrate"},
+  }};
+  for (const auto& [column, what, command] : kMeasured) {
+    if (!table.has(column)) continue;
+    throw InputError(path, "header",
+                     fmt::format("is a table of {} that were measured ({}), not a resin; expected "
+                                 "a definition or a profile. '{}' makes a resin of it",
+                                 what, column, command));
+  }
+}
+
 /// Which reader a file is for, by what it holds.
 std::string format_of(const ImportSource& source) {
   const std::string& text = source.text;
@@ -78,6 +95,7 @@ std::string format_of(const ImportSource& source) {
     if (is_light_readings(text, source.path)) return "flat-field";
     const CsvTable table(text, source.path, CsvTable::Header::optional);
     if (table.header().size() == 1) return "lut";
+    refuse_measurements(table, source.path);
     return table.has("dp_um") || table.has("ec_mj_cm2") ? "table" : "calibration";
   }
   if (const std::string display = printer_profile_in_words(text); !display.empty()) {

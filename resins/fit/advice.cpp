@@ -239,6 +239,22 @@ double rounding_of(const std::vector<Observation>& all) {
   return 1e-9 * scale;
 }
 
+/// Scatter that readings have at the least, weighted as that of the least weight: who reads to full
+/// 10 um is off by up to 5. Heights that lie on a law by chance would else make outliers of others.
+double reading_scatter(const std::vector<Observation>& all) {
+  double step_um = 0, least_weight = std::numeric_limits<double>::infinity();
+  for (const double tried_um : {1e-3, 1e-2, 0.1, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0}) {
+    const bool full = std::ranges::all_of(all, [&](const Observation& o) {
+      const double steps = o.measured_um / tried_um;
+      return std::abs(steps - std::round(steps)) < 1e-6;
+    });
+    if (full) step_um = tried_um;
+  }
+  for (const Observation& o : all) least_weight = std::min(least_weight, o.weight);
+  // The standard deviation of what is even over a step.
+  return std::max(rounding_of(all), step_um * least_weight / std::sqrt(12.0));
+}
+
 /// Lack of fit against the scatter of replicates.
 void advise_replicates(const PreparedFit& s, const Diagnosis& d, std::vector<std::string>& out) {
   if (s.problem.loss != Loss::none || d.freedom <= 0) return;
@@ -350,7 +366,9 @@ namespace {
 /// what may be expected of them.
 class WithoutSome {
  public:
-  WithoutSome(const Diagnosis& d, const std::vector<bool>& left_out) : d_(d), left_out_(left_out) {
+  /// `reading` is the scatter that readings have at the least.
+  WithoutSome(const Diagnosis& d, const std::vector<bool>& left_out, double reading)
+      : d_(d), left_out_(left_out), reading_(reading) {
     const Eigen::Index n = d.residual.size(), p = d.jacobian.cols();
     Eigen::VectorXd right = Eigen::VectorXd::Zero(p);
     inverse_ = d.unscaled;
@@ -387,12 +405,13 @@ class WithoutSome {
     if (!(rest > 1e-12)) return 0;
     const double others =
         inside ? std::max(0.0, squares_ - r * r / rest) / freedom() : squares_ / (freedom() + 1);
-    return others > 0 ? r / std::sqrt(others * rest) : std::copysign(1e9, r);
+    return r / std::sqrt(std::max(others, reading_ * reading_) * rest);
   }
 
  private:
   const Diagnosis& d_;
   const std::vector<bool>& left_out_;
+  double reading_;
   Eigen::MatrixXd inverse_;
   Eigen::VectorXd residual_;
   double squares_ = 0;
@@ -406,12 +425,12 @@ double outlier_limit(double count, double freedom) {
 
 /// Outliers that hide each other: the worst is left out, then the worst of the others, and so on;
 /// all up to the last that was beyond its limit are outliers (Rosner, Technometrics 25, 1983).
-std::vector<bool> hidden_outliers(const Diagnosis& d) {
+std::vector<bool> hidden_outliers(const Diagnosis& d, double reading) {
   const auto n = static_cast<std::size_t>(d.residual.size());
   std::vector<bool> left_out(n, false), found = left_out;
   const std::size_t most = std::min<std::size_t>(10, n / 5);
   for (std::size_t round = 0, since = 0; round < most && since < 2; ++round, ++since) {
-    const WithoutSome fit(d, left_out);
+    const WithoutSome fit(d, left_out, reading);
     if (fit.freedom() < 2) break;
     std::size_t worst = n;
     double farthest = 0;
@@ -455,9 +474,10 @@ void find_outliers(const PreparedFit& prepared, const Diagnosis& d, FitResult& r
 
   // With a robust loss the scatter does not know of outliers anyway.
   const bool plain = prepared.problem.loss == Loss::none;
+  const double reading = reading_scatter(all);
   const std::vector<bool> hidden =
-      plain && p > 0 ? hidden_outliers(d) : std::vector<bool>(all.size(), false);
-  const WithoutSome clean(d, hidden);
+      plain && p > 0 ? hidden_outliers(d, reading) : std::vector<bool>(all.size(), false);
+  const WithoutSome clean(d, hidden, reading);
   const double limit = plain && clean.freedom() >= 1 ? outlier_limit(clean.count(), clean.freedom())
                                                      : outlier_limit(n, d.freedom - 1);
   std::size_t far_off = 0;

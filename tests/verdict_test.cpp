@@ -67,6 +67,17 @@ TEST(PrintVerdictTest, NoFigureIsFinerThanAnyPrint) {
          "Prints as designed. No edge lies over a gap, and light moves no other.");
 }
 
+// 0.1549 is not within 0.15; where errors are alike the greatest is the bound, to the last bit.
+TEST(PrintVerdictTest, WithinIsNeverRoundedDown) {
+  Prediction p = perfect();
+  p.height_error_um = {};
+  for (int i = 0; i < 100; ++i) p.height_error_um.add(0.1549);
+  expect(p, Outcome::as_designed, "Prints as designed. 95 % of edges lie within 0.16 um.");
+  p.height_error_um = {};
+  for (int i = 0; i < 100; ++i) p.height_error_um.add(0.16);
+  expect(p, Outcome::as_designed, "Prints as designed. 95 % of edges lie within 0.16 um.");
+}
+
 TEST(PrintVerdictTest, WhatOtherExchangesAtLiftsDoIsTold) {
   Prediction p = perfect();
   p.layerwise.emplace();

@@ -13,6 +13,7 @@
 
 #include "slicecorr/bodies.hpp"
 #include "slicecorr/dead_zone.hpp"
+#include "slicecorr/limit.hpp"
 #include "slicecorr/predict.hpp"
 #include "slicecorr/uncertain_print.hpp"
 #include "support/text/display_text.hpp"
@@ -68,6 +69,14 @@ std::string to_digits(double value, int digits) {
   return value < 1 || text.find('e') == std::string::npos ? text : fmt::format("{:.0f}", value);
 }
 
+/// What nothing lies beyond: never rounded to less.
+std::string up_to(double value, int digits) { return to_digits(rounded_up(value, digits), digits); }
+
+/// What 95 % are no greater than; a quantile is known to half a bin.
+double most_of(const Histogram& all) {
+  return std::min(all.greatest(), 1.0005 * all.quantile(0.95));
+}
+
 /// Of a whole; shares that round to nothing or to all are still not that.
 std::string percent(double of_one) {
   if (of_one > 0.99 && of_one < 1) return "over 99 %";
@@ -103,7 +112,7 @@ std::string edges(const Prediction& p) {
   }
   // No print and no measurement tells a tenth of a micrometre.
   return fmt::format(" 95 % of edges lie within {} um.",
-                     to_digits(std::max(0.1, error_um.quantile(0.95)), 2));
+                     up_to(std::max(0.1, most_of(error_um)), 2));
 }
 
 /// Outlines in the plane, where light spreads: of them 95 % within, and to which side they err.
@@ -111,7 +120,7 @@ std::string outlines(const Prediction& p) {
   if (p.plane_error_um.count() == 0) return {};
   const double um = p.plane_signed_um();
   std::string words = fmt::format(" 95 % of outlines lie within {} um",
-                                  to_digits(std::max(0.1, p.plane_error_um.quantile(0.95)), 2));
+                                  up_to(std::max(0.1, most_of(p.plane_error_um)), 2));
   if (std::abs(um) >= 1 && std::abs(um) >= 0.5 * p.plane_error_um.mean()) {
     words += fmt::format(", on average {} um {}: walls are {} um {}", to_digits(std::abs(um), 2),
                          um < 0 ? "inwards" : "outwards", to_digits(2 * std::abs(um), 2),
@@ -129,12 +138,12 @@ std::string with_other_exchange(const Prediction& p) {
     return fmt::format(
         " That is where lifts exchange no resin, which nobody said: where they exchange all of it "
         "edges over gaps are up to {} um off.",
-        to_digits(all_um, 3));
+        up_to(all_um, 3));
   }
   return fmt::format(
       " That is where lifts exchange a share of {:g} of the resin: where they exchange all of it "
       "edges over gaps are up to {} um off, where none {} um.",
-      *p.joints->exchange, to_digits(all_um, 3), to_digits(none_um, 3));
+      *p.joints->exchange, up_to(all_um, 3), up_to(none_um, 3));
 }
 
 /// By how much the errors that were said of inputs move edges.
@@ -142,11 +151,11 @@ std::string as_sure_as_inputs(const Prediction& p) {
   if (!p.uncertain) return {};
   double um = 0;
   for (const EdgeBands* edges : {&p.uncertain->upper, &p.uncertain->lower}) {
-    if (edges->half_width_um.count() > 0) um = std::max(um, edges->half_width_um.quantile(0.95));
+    if (edges->half_width_um.count() > 0) um = std::max(um, most_of(edges->half_width_um));
   }
   if (um < 0.1) return {};
   return fmt::format(" The errors of inputs that were said move edges by up to {} um (95 %).",
-                     to_digits(um, 2));
+                     up_to(um, 2));
 }
 
 /// Why it does not hold on the platform, or holds on the window.
@@ -243,7 +252,7 @@ std::vector<std::string> to_look_at(const Prediction& p) {
   if (p.dead_zones && p.dead_zones->least() < kThinDeadZoneUm) {
     found.push_back(fmt::format(
         "the dead zone gets as thin as {} um, where a little more blue light gels resin to the window",
-        to_digits(p.dead_zones->least(), 2)));
+        to_digits(rounded_down(p.dead_zones->least(), 2), 2)));
   }
   const std::uint64_t narrow = narrow_gaps(p);
   if (share(narrow, p.gaps) >= kAnotherPart) {

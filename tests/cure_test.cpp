@@ -44,6 +44,37 @@ TEST(Cure, Figure22CriticalIntensityAndSpeeds) {
   }
 }
 
+// Lamps that stay: the slowest slice has most of black's light, the fastest least of full light, and the
+// bound of all speeds is none of a slice. What is named can be typed back.
+TEST(Cure, LimitsOfSlicesWithSpeedsOfTheirOwn) {
+  const Printer printer = linear_printer(1, 100);
+  const auto complaint = [&](std::vector<double> speeds, double bound) -> std::string {
+    Process p = test::process(bound);
+    p.slice_speed_mm_h = std::move(speeds);
+    p.slice_lamps = SliceLamps::stay;
+    try {
+      check_feasible(make_cure_model(printer, test::resin(576, 2000), p, 50), printer, p);
+    } catch (const InfeasibleError& e) {
+      return e.what();
+    }
+    return "";
+  };
+  const auto expect = [](const std::string& words, const char* part) {
+    EXPECT_NE(words.find(part), std::string::npos) << words;
+  };
+  for (const double bound : {400.0, 5000.0}) {
+    const std::string black = complaint({400, 50, 300}, bound);
+    expect(black, "in slice 1, at 50 mm/h, the light of black (1 mW/cm², phi 1.25)");
+    expect(black, "give each slice at least 62.501 mm/h and at most 6249.9 mm/h");
+    EXPECT_EQ(complaint({400, 62.501, 300}, bound), "");
+    EXPECT_NE(complaint({400, 62.499, 300}, bound), "");
+  }
+  const std::string weak = complaint({400, 8000, 300}, 8000);
+  expect(weak, "in slice 1, at 8000 mm/h, even full light (100 mW/cm², phi 0.7812)");
+  expect(weak, "give each slice at most 6249.9 mm/h and at least 62.501 mm/h");
+  EXPECT_EQ(complaint({400, 6249.9, 300}, 8000), "");
+}
+
 TEST(Cure, MinimumDoseOfBlack) {
   // Black of 1 mW/cm² at 1000 mm/h leaves 36 mJ/cm³ under a long dark run (A.34).
   const CureModel m = figure_2_2();

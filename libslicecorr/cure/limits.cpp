@@ -34,9 +34,39 @@ using detail::kMargin;
 
 bool is_continuous(const Process& process) { return process.mode == ExposureMode::continuous; }
 
-std::string pace_in_words(const Process& process) {
-  return is_continuous(process) ? fmt::format("at {:g} mm/h", process.speed_mm_h)
-                                : fmt::format("exposed for {:g} s", process.exposure_s);
+/// Whether slices go at speeds of their own and lamps stay as they are: the one speed of the process is
+/// then none of any slice.
+bool has_own_speeds(const Process& process) {
+  return is_continuous(process) && !process.slice_speed_mm_h.empty() &&
+         process.slice_lamps == SliceLamps::stay;
+}
+
+/// Which slices fail first: those that count for most where black gels, those that count for least where
+/// full light does not.
+enum class Counts { most, least };
+
+std::string pace_in_words(const CureModel& model, const Process& process, Counts counts) {
+  if (!is_continuous(process)) return fmt::format("exposed for {:g} s", process.exposure_s);
+  if (!has_own_speeds(process)) return fmt::format("at {:g} mm/h", process.speed_mm_h);
+  const std::vector<double>& ratio = model.exposure_ratio;
+  const auto [least, most] = std::minmax_element(ratio.begin(), ratio.end());
+  const auto slice = static_cast<int>((counts == Counts::most ? most : least) - ratio.begin());
+  return fmt::format("in slice {}, at {:g} mm/h,", slice, slice_speed_mm_h(process, slice));
+}
+
+/// The speed, mm/h, that times a dose of `doses_of` is the speed at which that dose is 1: the process's,
+/// or that of all slices where they have their own.
+double pace_mm_h(const CureModel& model, const Process& process, Counts counts) {
+  if (!has_own_speeds(process)) return process.speed_mm_h;
+  // A lamp that fades counts, too.
+  double least_mm_h = std::numeric_limits<double>::infinity(), most_mm_h = 0;
+  for (int n = 0; n < static_cast<int>(model.exposure_ratio.size()); ++n) {
+    const double mm_h = model.ratio(n) * slice_speed_mm_h(process, n);
+    least_mm_h = std::min(least_mm_h, mm_h);
+    most_mm_h = std::max(most_mm_h, mm_h);
+  }
+  return counts == Counts::most ? most_mm_h / model.greatest_ratio()
+                                : least_mm_h / model.least_ratio();
 }
 
 /// What full light leaves of a normal exposure's dose at a layer's far edge.
@@ -159,9 +189,10 @@ detail::Verdict inhibited_verdict(const CureModel& model, const Printer& printer
   detail::Verdict v;
   const InhibitedKernel& kernel = *model.inhibited();
   const std::vector<double> blue = level_intensities(printer);
-  const std::string pace = pace_in_words(process);
+  const std::string pace = pace_in_words(model, process, Counts::least);
   const int s = kernel.strongest_setting(), top = kernel.levels() - 1;
-  const double full = kernel.steady_dose(s, top);
+  const double full =
+      kernel.steady_dose(s, top) * (has_own_speeds(process) ? model.least_ratio() : 1.0);
   // Both lights as they are in the slice that has the most UV light over its blue light.
   const double share = kernel.blue_share(s);
   if (full <= 1.0) {
@@ -169,6 +200,13 @@ detail::Verdict inhibited_verdict(const CureModel& model, const Printer& printer
         "the resin never gels under UV light: {} full light ({:g} mW/cm² over {:.4g} mW/cm² of UV) "
         "reaches {:.4g} of the dose aimed at",
         pace, blue.back() * share, kernel.setting_uv_mw_cm2(s, top) * share, full);
+  } else if (!gels(model, doses.lit) && has_own_speeds(process)) {
+    const int cap = kernel.highest_usable_level(s);
+    v.weak = fmt::format(
+        "the resin would cure to the window: {} the brightest light that leaves a dead zone under UV "
+        "light of {:.4g} mW/cm², {:.4g} mW/cm², reaches {:.4g} of the dose aimed at",
+        pace, kernel.setting_uv_mw_cm2(s, cap) * share, blue[static_cast<std::size_t>(cap)] * share,
+        doses.lit);
   } else if (!gels(model, doses.lit)) {
     const int cap = kernel.highest_usable_level(s);
     v.weak = fmt::format(
@@ -205,7 +243,7 @@ detail::Verdict inhibited_verdict(const CureModel& model, const Printer& printer
     v.black = fmt::format(
         "black pixels gel the resin: {} the light of black ({:g} mW/cm²) adds up to {:.4g} of the "
         "dose aimed at",
-        pace, blue.front(), doses.black);
+        pace_in_words(model, process, Counts::most), blue.front(), doses.black);
   }
   return v;
 }
@@ -246,36 +284,39 @@ detail::Verdict layerwise_verdict(const CureModel& model, const Printer& printer
   return v;
 }
 
-/// The least depth of resin, in whole slices, with which full light gels it; phi_max > 1.
-double least_depth_um(const CureModel& model) {
+/// The least depth of resin, in whole slices, with which full light gels it; `phi` > 1 of the weakest.
+double least_depth_um(const CureModel& model, double phi) {
   if (model.gel_time()) return model.slices_to_gel() * model.layer_um;
   double slices = std::max(1, model.slices_to_gel() - 1);
-  while (-model.phi_max() * std::expm1(-slices * model.eta * units::kLn10) <= 1.0) ++slices;
+  while (-phi * std::expm1(-slices * model.eta * units::kLn10) <= 1.0) ++slices;
   return slices * model.layer_um;
 }
 
 detail::Verdict continuous_verdict(const CureModel& model, const Printer& printer,
                                    const Process& process, const Doses& doses) {
   detail::Verdict v;
-  if (!gels(model, doses.lit) && model.phi_max() > 1.0) {
+  const std::string pace = pace_in_words(model, process, Counts::least);
+  const double phi = model.phi_max() * model.least_ratio();
+  if (!gels(model, doses.lit) && phi > 1.0) {
     v.weak = fmt::format(
-        "the resin is not deep enough: at {:g} mm/h {:g} um of it let full light ({}, phi "
+        "the resin is not deep enough: {} {:g} um of it let full light ({}, phi "
         "{:.4g}) reach {:.4g} of the dose aimed at; it takes at least {:g} um",
-        process.speed_mm_h, model.bath_slices * model.layer_um, full_light(printer),
-        model.phi_max(), doses.lit, least_depth_um(model));
+        pace, model.bath_slices * model.layer_um, full_light(printer), phi, doses.lit,
+        least_depth_um(model, phi));
   } else if (!gels(model, doses.lit)) {
     v.weak = fmt::format(
-        "the resin never gels: at {:g} mm/h even full light ({}, phi {:.4g}) stays below "
+        "the resin never gels: {} even full light ({}, phi {:.4g}) stays below "
         "the critical intensity",
-        process.speed_mm_h, full_light(printer), doses.lit);
+        pace, full_light(printer), doses.lit);
   }
   if (doses.black >= 1.0) {
     const bool back = model.mirrored_slices > 0;
     v.black = fmt::format(
-        "black pixels gel the resin{}: at {:g} mm/h the light of black ({}, {} {:.4g}) "
+        "black pixels gel the resin{}: {} the light of black ({}, {} {:.4g}) "
         "reaches the critical {}",
-        back ? " beside the platform, which sends light back" : "", process.speed_mm_h,
-        black_light(printer), back ? "dose" : "phi", doses.black, back ? "one" : "intensity");
+        back ? " beside the platform, which sends light back" : "",
+        pace_in_words(model, process, Counts::most), black_light(printer), back ? "dose" : "phi",
+        doses.black, back ? "one" : "intensity");
   }
   return v;
 }
@@ -328,8 +369,11 @@ Paces speeds(const std::vector<LitPlace>& places, const Printer& printer, const 
   Paces p;
   for (const LitPlace& place : places) {
     const Doses d = doses_of(*place.model);
-    if (place.lit) p.greatest = std::min(p.greatest, process.speed_mm_h * d.lit / place.needed);
-    p.least = std::max(p.least, process.speed_mm_h * d.black);
+    if (place.lit) {
+      const double mm_h = pace_mm_h(*place.model, process, Counts::least);
+      p.greatest = std::min(p.greatest, mm_h * d.lit / place.needed);
+    }
+    p.least = std::max(p.least, pace_mm_h(*place.model, process, Counts::most) * d.black);
   }
   p.greatest *= 1 - kMargin;
   if (printer.max_speed_mm_h > 0) p.greatest = std::min(p.greatest, printer.max_speed_mm_h);
@@ -403,6 +447,14 @@ std::string speed_way(const std::vector<LitPlace>& places, const Printer& printe
     return paces.least > 0 && paces.greatest > 0
                ? "no speed works: where lit pixels gel, black ones do, too"
                : "no speed works";
+  }
+  if (has_own_speeds(process)) {
+    const auto of = [](const char* side, const std::string& mm_h) {
+      return mm_h.empty() ? mm_h : fmt::format("{} {} mm/h", side, mm_h);
+    };
+    const std::string most = of("at most", words->greatest), least = of("at least", words->least);
+    const std::string between = most.empty() || least.empty() ? "" : " and ";
+    return "give each slice " + (failing.lit ? most + between + least : least + between + most);
   }
   const std::string slower = fmt::format("slower than {} mm/h", words->greatest);
   if (words->least.empty()) return "print " + slower;

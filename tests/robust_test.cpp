@@ -13,6 +13,7 @@
 #include "bands/robust_design.hpp"
 #include "memory_slices.hpp"
 #include "models.hpp"
+#include "robust_columns.hpp"
 #include "rounds.hpp"
 #include "run_program.hpp"
 #include "slicecorr/error.hpp"
@@ -24,10 +25,12 @@ namespace slicecorr {
 namespace {
 
 using test::column;
+using test::design_of;
 using test::figure_2_2;
 using test::MemorySlices;
 using test::plan_for;
 using test::process;
+using test::random_columns;
 using testing::HasSubstr;
 
 Uncertainty robustly_off_by(const std::string& text, bool robust = true) {
@@ -86,39 +89,6 @@ TEST(Robust, DosesOfFigure22InTheCorners) {
   EXPECT_NEAR(*std::max_element(weak.begin() + 11, weak.begin() + 22), 1.437, 6e-4);
   EXPECT_NEAR(*std::max_element(weak.begin() + 31, weak.begin() + 42), 1.462, 6e-4);
   EXPECT_NEAR(*std::min_element(strong.begin() + 21, strong.begin() + 32), 0.723, 6e-4);
-}
-
-/// Columns of 60 slices, runs and gaps of `least` to `most`.
-std::vector<std::vector<std::uint8_t>> random_columns(std::size_t count, unsigned seed,
-                                                      int least = 2, int most = 12) {
-  std::mt19937 random(seed);
-  std::uniform_int_distribution<int> length(least, most);
-  std::vector<std::vector<std::uint8_t>> columns;
-  while (columns.size() < count) {
-    std::vector<std::uint8_t> c(static_cast<std::size_t>(length(random)), 0);
-    for (bool full = true; c.size() < 60; full = !full) {
-      c.insert(c.end(), static_cast<std::size_t>(length(random)), full ? 255 : 0);
-    }
-    c.resize(60);
-    // The last run and gap may have been cut to one slice.
-    for (std::size_t n = 56; n < 60; ++n) c[n] = 0;
-    if (c[55] == 255 && c[54] == 0) c[55] = 0;
-    if (c[55] == 0 && c[54] == 255 && c[53] == 0) c[54] = 0;
-    columns.push_back(c);
-  }
-  return columns;
-}
-
-detail::CodedDesign design_of(const std::vector<std::vector<std::uint8_t>>& columns) {
-  return {columns.size(),
-          [&](const SliceSource::Sink& sink) {
-            std::vector<std::uint8_t> row(columns.size());
-            for (std::size_t n = 0; n < columns.front().size(); ++n) {
-              for (std::size_t i = 0; i < columns.size(); ++i) row[i] = columns[i][n];
-              sink(static_cast<int>(n), row.data());
-            }
-          },
-          nullptr, Surface::mesh, nullptr};
 }
 
 detail::RobustLevels robustly(const CorrectionPlan& plan, const detail::CodedDesign& design) {
@@ -230,9 +200,8 @@ TEST(Robust, WhatCannotHoldIsFew) {
   RecordProperty("least", least);
   EXPECT_GT(least, 0);
   EXPECT_GE(robust.lost + robust.filled, least);
-  // Levels and edges that are moved lose some more than the best light.
-  EXPECT_LE(robust.lost + robust.filled, 2 * least);
-  EXPECT_LE(robust.lost + robust.filled, (plain.lost + plain.filled) / 4);
+  // The search is none that proves: it may miss one.
+  EXPECT_LE(robust.lost + robust.filled, least + 1);
 }
 
 // What a column gives up for others still prints with inputs as said.

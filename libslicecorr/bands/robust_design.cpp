@@ -8,14 +8,16 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
-#include <limits>
+#include <map>
 #include <memory>
 #include <numeric>
 #include <optional>
 #include <utility>
 
+#include "bands/light_plan.hpp"
 #include "bands/pixels_of_levels.hpp"
 #include "bands/robust_edges.hpp"
+#include "bands/robust_watch.hpp"
 #include "bands/uncertain_walk.hpp"
 #include "correct/coverage.hpp"
 #include "slicecorr/error.hpp"
@@ -31,135 +33,6 @@ namespace {
 constexpr int kPasses = 500;
 /// Columns that are corrected again and again at once: their slices are not coded meanwhile.
 constexpr std::size_t kTogether = 1024;
-
-/// 95 % of all draws of so many inputs lie in an ellipsoid of so many standard deviations: roots of
-/// the quantiles of chi².
-double chi_of(std::size_t inputs) {
-  constexpr std::array<double, 8> chi = {1.960, 2.448, 2.796, 3.080, 3.327, 3.548, 3.751, 3.938};
-  return chi[std::clamp<std::size_t>(inputs, 1, chi.size()) - 1];
-}
-
-/// Doses of a band in both cases, at the nodes of each layer.
-class CaseDoses {
- public:
-  CaseDoses(const CureModel& model, const RobustAsk& ask, std::size_t columns)
-      : variance_(ask.uncertainty, model.m, light_acts(model, ask.cases.nearby.get())),
-        chi_(chi_of(ask.uncertainty.inputs.size())) {
-    if (ask.uncertainty.from_fit) {
-      derivatives_ = std::make_unique<BandDerivatives>(model, columns, variance_.wanted(),
-                                                       ask.cases.nearby.get());
-      for (auto* dose : {&weak_[0], &weak_[1], &strong_[0], &strong_[1]})
-        dose->assign(columns, 0.0);
-      return;
-    }
-    weak_dose_ = std::make_unique<BandDose>(ask.cases.weak, columns);
-    strong_dose_ = std::make_unique<BandDose>(ask.cases.strong, columns);
-  }
-  CaseDoses(const CaseDoses&) = delete;
-  CaseDoses& operator=(const CaseDoses&) = delete;
-
-  void add_slice(int slice, const std::uint8_t* pixels) {
-    if (!derivatives_) {
-      weak_dose_->add_slice(slice, pixels);
-      strong_dose_->add_slice(slice, pixels);
-      return;
-    }
-    derivatives_->add_slice(slice, pixels);
-    const bool jumps = derivatives_->model().mode == ExposureMode::layerwise;
-    for (auto* dose : {&weak_, &strong_}) std::swap((*dose)[0], (*dose)[1]);
-    for (std::size_t at = jumps ? 0 : 1; at < 2; ++at) {
-      for (std::size_t i = 0; i < weak_[at].size(); ++i) {
-        const DoseGradient g = derivatives_->at(i, static_cast<double>(at));
-        const double share = g.dose > 0 ? std::exp(chi_ * variance_.sd_ln(g)) : 1.0;
-        weak_[at][i] = g.dose / share;
-        strong_[at][i] = g.dose * share;
-      }
-    }
-  }
-  const double* weak_lower() const { return weak_dose_ ? weak_dose_->lower() : weak_[0].data(); }
-  const double* weak_upper() const { return weak_dose_ ? weak_dose_->upper() : weak_[1].data(); }
-  const double* strong_lower() const {
-    return strong_dose_ ? strong_dose_->lower() : strong_[0].data();
-  }
-  const double* strong_upper() const {
-    return strong_dose_ ? strong_dose_->upper() : strong_[1].data();
-  }
-
- private:
-  const DoseVariance variance_;
-  const double chi_;
-  std::unique_ptr<BandDose> weak_dose_, strong_dose_;
-  std::unique_ptr<BandDerivatives> derivatives_;
-  std::array<std::vector<double>, 2> weak_, strong_;
-};
-
-/// Finds what fails in the cases, and with inputs as said, slices from the last to the first.
-class Watch {
- public:
-  Watch(const CorrectionPlan& plan, const RobustAsk& ask, std::size_t columns)
-      : merged_(plan.merge_one_slice_gaps),
-        doses_(plan.model, ask, columns),
-        as_said_(plan.model, columns),
-        columns_(columns) {
-    for (Column& c : columns_) c.bottom = plan.all_layers;
-  }
-  void add_slice(int slice, const std::uint8_t* pixels, const std::uint8_t* coverage) {
-    doses_.add_slice(slice, pixels);
-    as_said_.add_slice(slice, pixels);
-    const double* const said[2] = {as_said_.lower(), as_said_.upper()};
-    const double* const weak[2] = {doses_.weak_lower(), doses_.weak_upper()};
-    const double* const strong[2] = {doses_.strong_lower(), doses_.strong_upper()};
-    for (std::size_t i = 0; i < columns_.size(); ++i) {
-      Column& c = columns_[i];
-      const CoverKind kind = cover_kind(coverage[i]);
-      if (kind != c.kind) {
-        close(i, slice + 1);
-        c.run_below = kind == CoverKind::gap && c.kind == CoverKind::run;
-        c.kind = kind;
-        c.bottom = slice + 1;
-        c.extreme = c.as_said =
-            kind == CoverKind::run ? 0.0 : std::numeric_limits<double>::infinity();
-      }
-      if (kind == CoverKind::run) {
-        c.extreme = std::max({c.extreme, weak[0][i], weak[1][i]});
-        c.as_said = std::max({c.as_said, said[0][i], said[1][i]});
-      }
-      if (kind == CoverKind::gap) {
-        c.extreme = std::min({c.extreme, strong[0][i], strong[1][i]});
-        c.as_said = std::min({c.as_said, said[0][i], said[1][i]});
-      }
-    }
-  }
-  std::vector<RobustTrouble> finish() {
-    for (std::size_t i = 0; i < columns_.size(); ++i) close(i, 0);
-    return std::move(troubles_);
-  }
-
- private:
-  struct Column {
-    CoverKind kind = CoverKind::gap;
-    bool run_below = false;
-    int bottom = 0;
-    double extreme = std::numeric_limits<double>::infinity();
-    double as_said = std::numeric_limits<double>::infinity();
-  };
-  void close(std::size_t i, int top) {
-    const Column& c = columns_[i];
-    const double miss = std::abs(std::log(std::max(c.extreme, 1e-9)));
-    if (c.kind == CoverKind::run && c.extreme < 1) {
-      troubles_.push_back({i, false, top, c.bottom, miss, c.as_said < 1});
-    }
-    const bool meant = merged_ && c.bottom - top == 1;
-    if (c.kind == CoverKind::gap && c.run_below && c.extreme >= 1 && !meant) {
-      troubles_.push_back({i, true, top, c.bottom, miss, c.as_said >= 1});
-    }
-  }
-  const bool merged_;  ///< gaps of one slice are to fill
-  CaseDoses doses_;
-  BandDose as_said_;
-  std::vector<Column> columns_;
-  std::vector<RobustTrouble> troubles_;
-};
 
 /// A design of columns that are moved: coverage and edge heights, slice by slice.
 class MovedColumns {
@@ -227,7 +100,13 @@ CorrectionPlan of_all_slices(const CorrectionPlan& plan) {
   return all;
 }
 
-/// The columns of a band that are in trouble, and how their edges are moved.
+/// The levels of a column, the first slice first, and what fails with them.
+struct ColumnLight {
+  std::vector<std::uint8_t> levels;  ///< empty: those of its edges
+  std::vector<RobustTrouble> troubles;
+};
+
+/// The columns of a band that are in trouble, and how their edges are moved, or their light is chosen.
 class RobustBand {
  public:
   RobustBand(const CorrectionPlan& plan, const RobustAsk& ask, const CodedDesign& design,
@@ -239,17 +118,10 @@ class RobustBand {
         pixels_(plan.levels.size()),
         mover_(plan_.model),
         left_rows_(design.left_alone) {
-    // Errors of a fit go together in all directions; a cap leaves the peaks of features to the levels.
-    // Light that doses want is light that no closed form knows.
-    if (ask.doses || ask.uncertainty.from_fit || plan.process.omega_max < kNoCap ||
-        plan.merge_one_slice_gaps || !plan.model.is_plain()) {
-      return;
+    // Errors of a fit go together in all directions. Light that doses want is light that no plan knows.
+    if (!ask.doses && !ask.uncertainty.from_fit && LightPlan::can_plan(plan_.model)) {
+      light_.emplace(plan_, ask.cases.weak, ask.cases.strong);
     }
-    const auto light = [](const CureModel& m) {
-      return EdgeCases::Light{m.phi_min(), m.phi_max(), m.eta * units::kLn10};
-    };
-    plan_cases_ = EdgeCases{light(plan.model), light(ask.cases.weak), light(ask.cases.strong),
-                            plan.all_layers};
   }
 
   RobustLevels run();
@@ -283,8 +155,11 @@ class RobustBand {
                                          Keep keep) const;
   void load(const std::vector<std::size_t>& which, std::vector<MovedEdges>& columns);
   /// Finds aims for some columns of the band.
-  void repair(const std::vector<std::size_t>& which, std::vector<MovedEdges>& columns,
-              RobustFigures& counts);
+  std::vector<ColumnLight> repair(const std::vector<std::size_t>& which,
+                                  std::vector<MovedEdges>& columns, RobustFigures& counts);
+  /// Plans the light of those in which something still fails; empty where nothing is gained.
+  std::vector<ColumnLight> plan_light(const std::vector<std::size_t>& which,
+                                      const std::vector<AimSearch>& searches);
 
   const CorrectionPlan plan_;
   const RobustAsk ask_;
@@ -292,7 +167,7 @@ class RobustBand {
   const ExecutionContext& context_;
   const PixelsOfLevels pixels_;
   const EdgeMover mover_;
-  std::optional<EdgeCases> plan_cases_;  ///< nothing: edges are not planned
+  std::optional<LightPlan> light_;  ///< nothing: light is not planned
   LeftAloneRows left_rows_;
 };
 
@@ -317,7 +192,7 @@ template <typename Rows, typename Cover, typename Keep>
 std::vector<RobustTrouble> RobustBand::try_columns(const Solved& what, Rows rows, Cover cover,
                                                    Keep keep) const {
   const std::size_t columns = what.columns;
-  Watch watch(plan_, ask_, columns);
+  RobustWatch watch(plan_, ask_, columns);
   std::vector<std::uint8_t> shown(columns), coverage(columns);
   solve(
       plan_, what, rows,
@@ -355,14 +230,62 @@ void RobustBand::load(const std::vector<std::size_t>& which, std::vector<MovedEd
   }
 }
 
-void RobustBand::repair(const std::vector<std::size_t>& which, std::vector<MovedEdges>& columns,
-                        RobustFigures& counts) {
+std::vector<ColumnLight> RobustBand::plan_light(const std::vector<std::size_t>& which,
+                                                const std::vector<AimSearch>& searches) {
+  std::vector<ColumnLight> lights(which.size());
+  std::vector<std::size_t> failing;
+  for (std::size_t i = 0; i < which.size(); ++i) {
+    if (!searches[i].troubles().empty()) failing.push_back(i);
+  }
+  // What is left alone is lit as it is.
+  if (!light_ || design_.left_alone || failing.empty()) return lights;
+  const auto slices = static_cast<std::size_t>(plan_.all_layers);
+  std::vector<std::vector<std::uint8_t>> designs(failing.size(), std::vector<std::uint8_t>(slices));
+  std::vector<std::uint8_t> row(design_.coverage.columns());
+  for (std::size_t n = 0; n < slices; ++n) {
+    read_coverage(static_cast<int>(n), row.data());
+    for (std::size_t k = 0; k < failing.size(); ++k) designs[k][n] = row[which[failing[k]]];
+  }
+  // Many columns of a part are alike.
+  std::map<std::vector<std::uint8_t>, std::vector<std::uint8_t>> planned;
+  std::vector<const std::vector<std::uint8_t>*> levels;
+  levels.reserve(failing.size());
+  for (const auto& design : designs) {
+    context_.check_cancelled();
+    std::vector<std::uint8_t>& its_levels = planned[design];
+    if (its_levels.empty()) its_levels = light_->levels(design);
+    levels.push_back(&its_levels);
+  }
+  RobustWatch watch(plan_, ask_, failing.size());
+  std::vector<std::uint8_t> shown(failing.size()), coverage(failing.size());
+  for (std::size_t n = slices; n-- > 0;) {
+    for (std::size_t k = 0; k < failing.size(); ++k) {
+      shown[k] = pixels_((*levels[k])[n]);
+      coverage[k] = designs[k][n];
+    }
+    watch.add_slice(static_cast<int>(n), shown.data(), coverage.data());
+  }
+  std::vector<std::vector<RobustTrouble>> of(failing.size());
+  for (const RobustTrouble& t : watch.finish()) of[t.column].push_back(t);
+  for (std::size_t k = 0; k < failing.size(); ++k) {
+    const RobustScore planned_score(of[k]), moved_score(searches[failing[k]].troubles());
+    // Edges that are moved keep closer to the design: as many failures are no reason to plan.
+    if (planned_score.count() < moved_score.count()) {
+      lights[failing[k]] = {*levels[k], std::move(of[k])};
+    }
+  }
+  return lights;
+}
+
+std::vector<ColumnLight> RobustBand::repair(const std::vector<std::size_t>& which,
+                                            std::vector<MovedEdges>& columns,
+                                            RobustFigures& counts) {
   load(which, columns);
   const std::size_t all = design_.coverage.columns();
   std::vector<AimSearch> searches;
   searches.reserve(which.size());
   for (MovedEdges& c : columns) {
-    searches.emplace_back(mover_, plan_cases_ ? &*plan_cases_ : nullptr, std::move(c));
+    searches.emplace_back(mover_, !light_ || design_.left_alone, std::move(c));
   }
   std::vector<std::size_t> active(which.size());
   for (std::size_t i = 0; i < which.size(); ++i) active[i] = i;
@@ -395,11 +318,18 @@ void RobustBand::repair(const std::vector<std::size_t>& which, std::vector<Moved
     }
     active = std::move(left);
   }
+  std::vector<ColumnLight> lights = plan_light(which, searches);
   for (std::size_t i = 0; i < which.size(); ++i) {
-    for (const RobustTrouble& t : searches[i].troubles()) ++(t.gap ? counts.filled : counts.lost);
+    const bool planned = !lights[i].levels.empty();
+    for (const RobustTrouble& t : planned ? lights[i].troubles : searches[i].troubles()) {
+      ++(t.gap ? counts.filled : counts.lost);
+    }
     columns[i] = searches[i].best();
-    for (const MovedEdge& b : columns[i]) counts.moved_edges += b.moved();
+    for (const MovedEdge& b : columns[i]) {
+      counts.moved_edges += planned ? b.movable : b.moved();
+    }
   }
+  return lights;
 }
 
 RobustLevels RobustBand::run() {
@@ -434,7 +364,7 @@ RobustLevels RobustBand::run() {
                        which.begin() + static_cast<std::ptrdiff_t>(to));
     const std::vector<std::size_t>& part = parts.back();
     std::vector<MovedEdges> columns;
-    repair(part, columns, own);
+    const std::vector<ColumnLight> lights = repair(part, columns, own);
     std::vector<const MovedEdges*> moved;
     moved.reserve(columns.size());
     for (const MovedEdges& c : columns) moved.push_back(&c);
@@ -443,6 +373,7 @@ RobustLevels RobustBand::run() {
       for (std::size_t k = 0; k < part.size(); ++k) out[k] = room[part[k]];
     });
     CodedBand& levels = repaired.emplace_back(part.size());
+    std::vector<std::uint8_t> its_row(part.size());
     solve(
         plan_, solved(part),
         [&](int n, std::uint8_t* coverage, std::uint8_t* heights, std::uint8_t* left) {
@@ -450,7 +381,20 @@ RobustLevels RobustBand::run() {
           read_left_alone(n, room.data());
           for (std::size_t k = 0; k < part.size(); ++k) left[k] = room[part[k]];
         },
-        [&](int, const std::uint8_t* its_levels) { levels.append(its_levels); }, context_);
+        [&](int n, const std::uint8_t* its_levels) {
+          if (!its_levels) {
+            std::fill(its_row.begin(), its_row.end(), std::uint8_t{0});
+          } else {
+            std::copy_n(its_levels, part.size(), its_row.begin());
+          }
+          for (std::size_t k = 0; k < part.size(); ++k) {
+            if (!lights[k].levels.empty()) {
+              its_row[k] = lights[k].levels[static_cast<std::size_t>(n)];
+            }
+          }
+          levels.append(its_row.data());
+        },
+        context_);
   }
   CodedBand out(all);
   std::vector<std::uint8_t> row(all), some(kTogether);

@@ -10,9 +10,10 @@
 /// cases are ln Omega -+ chi sd(ln Omega), to first order.
 ///
 /// Column by column, where one of these fails: correct; both edges of a feature that is lost aim at 1 %
-/// more dose, both beside a gap that fills at 1 % less, none that is wanted both ways; what can't hold
-/// beside the rest is given up (robust_edges.hpp), and the best is kept, the first of equals. An edge that
-/// aims at the dose D is the same as one that lies where the dose is 1 when it is D there:
+/// more dose, both beside a gap that fills at 1 % less, none that is wanted both ways (robust_edges.hpp).
+/// Where that does not mend all of it, the light of the column is chosen slice by slice for the fewest
+/// failures (light_plan.hpp), or, where doses do not follow by one number from slice to slice, what can't hold
+/// beside the rest is given up. The best is kept, the first of equals. An edge that aims at the dose D is the same as one that lies where the dose is 1 when it is D there:
 ///
 ///     upper edge   ln((D - phi_min) / (1 - phi_min)) / (ln10 eta)   slices nearer to the platform
 ///     lower edge   ln((phi_max - 1) / (phi_max - D)) / (ln10 eta)   further from it

@@ -37,9 +37,8 @@ void EdgeMover::put(MovedEdge& edge) const {
   const double dose = 1.0 + kAimStep * edge.aim;
   const double per_slice = model_.eta * units::kLn10;
   const double p0 = model_.phi_min(), p1 = model_.phi_max();
-  const double at = edge.place() + edge.shift +
-                    (edge.upper ? -std::log((dose - p0) / (1 - p0)) / per_slice
-                                : std::log((p1 - 1) / (p1 - dose)) / per_slice);
+  const double at = edge.place() + (edge.upper ? -std::log((dose - p0) / (1 - p0)) / per_slice
+                                               : std::log((p1 - 1) / (p1 - dose)) / per_slice);
   edge.at_node = static_cast<int>(std::lround(at));
   edge.at_height = edge_height_byte(at - edge.at_node);
 }
@@ -58,34 +57,21 @@ bool EdgeMover::aim(MovedEdges& column, std::size_t k, int steps) const {
   return true;
 }
 
-bool EdgeMover::shift(MovedEdges& column, const std::vector<double>& slices) const {
-  MovedEdges moved = column;
-  for (std::size_t k = 0; k < moved.size(); ++k) {
-    moved[k].aim = 0;
-    moved[k].shift = slices[k];
-    put(moved[k]);
-    if (k > 0 && moved[k].at_node <= moved[k - 1].at_node) return false;
+RobustScore::RobustScore(const std::vector<RobustTrouble>& troubles)
+    : as_said(0), cases(troubles.size()) {
+  for (const RobustTrouble& t : troubles) {
+    as_said += t.nominal;
+    miss += t.miss;
   }
-  column = std::move(moved);
-  return true;
 }
 
-AimSearch::AimSearch(const EdgeMover& mover, const EdgeCases* cases, MovedEdges column)
+AimSearch::AimSearch(const EdgeMover& mover, bool gives_up, MovedEdges column)
     : mover_(&mover),
-      cases_(cases),
+      gives_up_(gives_up),
       now_(std::move(column)),
       best_(now_),
       stride_(kFirstStride),
       patience_(kFirstPatience) {}
-
-AimSearch::Score AimSearch::score_of(const std::vector<RobustTrouble>& troubles) {
-  Score s{0, troubles.size(), 0.0};
-  for (const RobustTrouble& t : troubles) {
-    s.as_said += t.nominal;
-    s.miss += t.miss;
-  }
-  return s;
-}
 
 bool AimSearch::given_up(const RobustTrouble& t) const {
   return std::any_of(given_up_.begin(), given_up_.end(),
@@ -93,9 +79,7 @@ bool AimSearch::given_up(const RobustTrouble& t) const {
 }
 
 bool AimSearch::go_on(const std::vector<RobustTrouble>& troubles) {
-  // Where a plan was put, what it can't help is given up.
-  if (std::exchange(looks_at_plan_, false)) given_up_ = troubles;
-  const Score score = score_of(troubles);
+  const RobustScore score(troubles);
   if (score < least_) {
     least_ = score;
     best_ = now_;
@@ -112,7 +96,7 @@ bool AimSearch::go_on(const std::vector<RobustTrouble>& troubles) {
     passes_ = 0;
     if (push(failing_)) return true;
   }
-  return plan();
+  return false;
 }
 
 /// Finer steps, or one failure less that is cared for; false: neither is left.
@@ -121,6 +105,7 @@ bool AimSearch::give_way() {
     stride_ /= 2;
     return true;
   }
+  if (!gives_up_) return false;
   const RobustTrouble* worst = nullptr;
   int others = 0;
   for (const RobustTrouble& t : failing_) {
@@ -151,18 +136,6 @@ bool AimSearch::push(const std::vector<RobustTrouble>& troubles) {
     changed = mover_->aim(now_, k, now_[k].aim + (up[k] > 0 ? stride_ : -stride_)) || changed;
   }
   return changed;
-}
-
-/// Once, and where more than one thing fails or that is due to neighbours that have room.
-bool AimSearch::plan() {
-  if (planned_ || cases_ == nullptr || failing_.empty()) return false;
-  planned_ = true;
-  const std::vector<double> shifts = plan_edges(*cases_, now_);
-  if (shifts.empty() || !mover_->shift(now_, shifts)) return false;
-  looks_at_plan_ = true;
-  passes_ = 0;
-  stride_ = kFirstStride / 2;
-  return true;
 }
 
 }  // namespace slicecorr::detail

@@ -4,18 +4,16 @@
 /// Where the edges of a column are put so that its features and gaps hold although inputs are off.
 ///
 /// `AimSearch` lets what fails push the edges beside it: those of a feature that is lost aim at more dose,
-/// those of a gap that fills at less. Where pushing gains no more, edges are planned: between two edges a
-/// column is lit and then dark, or dark and then lit, so that the dose at each edge is 1 with inputs as
-/// said; the peaks and the least doses of both cases follow in closed form from where the edges are. The
-/// plan looks through places of all edges for the fewest failures, and then the nearest to the design,
-/// and the search goes on from there. What can't hold beside the rest is given up: it is still to print
-/// with inputs as said.
+/// those of a gap that fills at less. Where pushing gains no more by finer steps either, not all can hold so:
+/// the light of the column is planned (light_plan.hpp), or, where it can't be, what can't hold beside the rest
+/// is given up, which is still to print with inputs as said.
 #pragma once
 
 #include <cstddef>
 #include <cstdint>
 #include <limits>
 #include <tuple>
+#include <utility>
 #include <vector>
 
 #include "slicecorr/cure.hpp"
@@ -47,13 +45,12 @@ struct MovedEdge {
   bool upper = false;       ///< the full layer is the one below
   std::uint8_t below = 0;   ///< coverage below it; of greys that of the design counts
   int aim = 0;              ///< dose to aim at, less 1, in steps
-  double shift = 0;         ///< slices that it was planned away from the platform
   int at_node = 0;          ///< where it is put
   std::uint8_t at_height = 0;
 
   /// Where it lies in the design, slices from the platform.
   double place() const;
-  bool moved() const { return aim != 0 || shift != 0; }
+  bool moved() const { return aim != 0; }
 };
 /// Those of a column, from the platform on; the first is at node 0.
 using MovedEdges = std::vector<MovedEdge>;
@@ -67,8 +64,6 @@ class EdgeMover {
   static double most_aim(const CureModel& model);
   /// Tries another aim of an edge, at most the greatest; false: there is no room for it.
   bool aim(MovedEdges& column, std::size_t k, int steps) const;
-  /// Puts all edges where they were planned; false: two of them meet.
-  bool shift(MovedEdges& column, const std::vector<double>& slices) const;
 
  private:
   void put(MovedEdge& edge) const;
@@ -76,24 +71,25 @@ class EdgeMover {
   const double most_;
 };
 
-/// What edges are planned by.
-struct EdgeCases {
-  struct Light {
-    double black, full;  ///< phi
-    double per_slice;    ///< by how much a slice lowers the logarithm of a dose
-  };
-  Light said, weak, strong;
-  int slices;  ///< that are shown
+/// How well a column holds. What fails with inputs as said counts first, then what fails in a case, then by how
+/// much.
+struct RobustScore {
+  std::size_t as_said = std::numeric_limits<std::size_t>::max(), cases = 0;
+  double miss = 0;
+  explicit RobustScore() = default;
+  explicit RobustScore(const std::vector<RobustTrouble>& troubles);
+  /// The first two of these.
+  std::pair<std::size_t, std::size_t> count() const { return {as_said, cases}; }
+  bool operator<(const RobustScore& o) const {
+    return std::tie(as_said, cases, miss) < std::tie(o.as_said, o.cases, o.miss);
+  }
 };
-/// How far from the platform each edge of a column is to be moved, slices; empty where it can't be planned:
-/// it has greys.
-std::vector<double> plan_edges(const EdgeCases& cases, const MovedEdges& column);
 
 /// Looks for the edges of one column.
 class AimSearch {
  public:
-  /// `cases`: null: edges are not planned. What is pointed to must outlive this.
-  AimSearch(const EdgeMover& mover, const EdgeCases* cases, MovedEdges column);
+  /// `gives_up`: what can't hold beside the rest. `mover` must outlive this.
+  AimSearch(const EdgeMover& mover, bool gives_up, MovedEdges column);
   const MovedEdges& tried() const { return now_; }
   const MovedEdges& best() const { return best_; }
   /// What fails in the best.
@@ -102,27 +98,16 @@ class AimSearch {
   bool go_on(const std::vector<RobustTrouble>& troubles);
 
  private:
-  /// What fails with inputs as said counts first, then what fails in a case, then by how much.
-  struct Score {
-    std::size_t as_said = std::numeric_limits<std::size_t>::max(), cases = 0;
-    double miss = 0;
-    bool operator<(const Score& o) const {
-      return std::tie(as_said, cases, miss) < std::tie(o.as_said, o.cases, o.miss);
-    }
-  };
-  static Score score_of(const std::vector<RobustTrouble>& troubles);
   bool given_up(const RobustTrouble& t) const;
   bool give_way();
   bool push(const std::vector<RobustTrouble>& troubles);
-  bool plan();
 
   const EdgeMover* mover_;
-  const EdgeCases* cases_;
+  bool gives_up_;
   MovedEdges now_, best_;
   std::vector<RobustTrouble> failing_, given_up_;
-  Score least_;
+  RobustScore least_;
   int passes_ = 0, stride_, patience_;
-  bool planned_ = false, looks_at_plan_ = false;
 };
 
 }  // namespace slicecorr::detail

@@ -278,6 +278,18 @@ TEST_P(UvSurroundings, FarLightOfManySlicesIsThatOfEach) {
   }
 }
 
+TEST(UvOwnLayers, SlicesAfterTheEndAreAsManyAsTheThinnestLayersTake) {
+  Lit lit;
+  constexpr int layers = 60;
+  const int alike = slices_with_burst(lit.model(), layers, layers - 1) - layers;
+  ASSERT_GT(alike, 3);
+  for (int n = 0; n < layers; ++n) lit.process.layer_heights_um.push_back(n % 2 ? 25 : 40);
+  const int own = slices_with_burst(lit.model(), layers, layers - 1) - layers;
+  EXPECT_GE(own, alike);
+  // Twice as many of half the height, each of two lengths rounded up.
+  EXPECT_LE(own, 2 * alike + 2);
+}
+
 TEST(UvOwnLayers, FarLightOfHighPrintsNeitherEndsNorOverflows) {
   Lit lit;
   // 800 slices of 2 mm: e^-3900 from one end to the other is 0.

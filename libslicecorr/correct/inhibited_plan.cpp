@@ -181,7 +181,9 @@ void InhibitedPlan::find_levels() {
   while (holding < levels && kernel->steady_dose(strongest, holding) < inside) ++holding;
   reach = 1;
   while (reach < never_reaches && node_light.sum(strongest, cap, reach) < 1.0) ++reach;
-  for (const double um : kernel->heights().um()) reach = std::max(reach, reach_at(um, cap));
+  int most = reach;
+  for (const double um : kernel->heights().um()) most = std::max(most, reach_at(um, cap));
+  reach = most;
 }
 
 InhibitedPlan InhibitedPlan::for_doses(double most) const {

@@ -179,9 +179,9 @@ class Print:
         self.gap_um = light["gap_um"]
         self.even = (min(shares) / 255 * full, max(shares) / 255 * full)
 
-    def flow_factor(self, n):
-        """How often the light of the gap counts: so that even light gels just at the gap."""
-        blue = np.clip(self.blue[n], *self.even)[..., None]
+    def flow_factor(self, n, back):
+        """How often the light of the gap counts: so that even light, with what comes back, gels just at the gap."""
+        blue = np.clip(self.blue[n] * back, *self.even)[..., None]
         d_um = (np.arange(256) + 0.5) * self.gap_um / 256
         light = blue * np.exp(-d_um / self.he_um)
         light = np.maximum(0, light - self.beta * self.uv[n][..., None] * np.exp(-d_um / self.huv_um))
@@ -221,7 +221,7 @@ class Print:
                 roots.append(np.sqrt(light) * self.rooted[n][..., None])
                 times += [dt] * len(d_um)
             else:
-                often = self.flow_factor(n) if d_um[-1] < self.gap_um else 1
+                often = self.flow_factor(n, back) if d_um[-1] < self.gap_um else 1
                 total = self.keeps * total + (light ** self.m * often).sum(-1) * dt
                 greatest = np.maximum(greatest, total)
         if not self.gel_time:

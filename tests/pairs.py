@@ -307,6 +307,9 @@ def uneven_uv(p):
     if "dead-zone-um" in p.options:
         p.options["dead-zone-um"] = "8"  # which the lamp holds where it gives least
     values = np.array([[255 - 3 * x - 5 * y for x in range(WIDTH)] for y in range(HEIGHT)])
+    if p.heights_um or "platform_reflectance" in p.printer.get("vat", {}):
+        # Slices have tables of their own: there is room for those of a few places.
+        values = np.array([[255 - 20 * (x // 4) - 15 * (y // 5) for x in range(WIDTH)] for y in range(HEIGHT)])
     p.uv_flat = values / 255
     p.files["uv-flat.png"] = png(values)
     p.printer["uv"]["flat_field"] = "uv-flat.png"

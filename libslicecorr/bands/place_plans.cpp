@@ -17,6 +17,7 @@
 #include "correct/coupled_plan.hpp"
 #include "correct/inhibited_plan.hpp"
 #include "cure/limits.hpp"
+#include "process/even_back.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/gel_time.hpp"
 #include "slicecorr/limit.hpp"
@@ -497,11 +498,13 @@ BandCorrector::ColumnLevels PlacePlans::even_levels(
   const auto slices = static_cast<std::size_t>(all_layers_);
   // The level of each light, by what slices get of the usual light.
   const Process lit = as_lamp_shines(process_);
+  const EvenBack back(models_.printer(), models_.resin(), process_, images_.layer_um);
   std::vector<double> of_usual;
   std::vector<std::array<std::uint8_t, 256>> level_of;
   std::vector<std::size_t> of_slice;
   for (std::size_t n = 0; n < slices; ++n) {
-    const double own = light_share(lit, static_cast<int>(n)) / usual_light_share(lit);
+    const double own = light_share(lit, static_cast<int>(n)) / usual_light_share(lit) *
+                       back.times(static_cast<int>(n));
     const auto at = std::find(of_usual.begin(), of_usual.end(), own);
     of_slice.push_back(static_cast<std::size_t>(at - of_usual.begin()));
     if (at != of_usual.end()) continue;

@@ -24,7 +24,11 @@ EvenColumn::EvenColumn(const InhibitedPlan& plan)
       more_(static_cast<std::size_t>(plan.all_layers) + 2, 0.0),
       levels_(static_cast<std::size_t>(plan.all_layers)) {
   const double a = plan.kernel->a();
-  far_ = plan.near + static_cast<int>(std::ceil(kFarHeights / -std::log(a)));
+  // Of the thinnest layers there are more.
+  double thinnest_um = plan.layer_um;
+  for (const double um : plan.kernel->heights().um()) thinnest_um = std::min(thinnest_um, um);
+  far_ = plan.near +
+         static_cast<int>(std::ceil(kFarHeights / -std::log(a) * (plan.layer_um / thinnest_um)));
   powers_.push_back(1);
   while (static_cast<int>(powers_.size()) <= plan.all_layers + 1)
     powers_.push_back(powers_.back() * a);
@@ -37,11 +41,19 @@ EvenColumn::EvenColumn(const InhibitedPlan& plan)
 }
 
 double EvenColumn::one(int n, int level, int distance) const {
+  if (!plan_.fades.empty()) return plan_.ratio_of(n) * plan_.light_of(n, level, distance);
   const ExtraLight& light = plan_.node_light;
   const int s = plan_.setting_of(n), last = plan_.near - 1;
   if (distance <= last) return plan_.ratio_of(n) * light.close(s, level, distance);
   return plan_.ratio_of(n) * light.close(s, level, last) *
          powers_[static_cast<std::size_t>(distance - last)];
+}
+
+/// What is left at node `to` of a dose at node `from`, which lies further from the platform, or nearer: then all.
+double EvenColumn::fade(int from, int to) const {
+  if (from <= to) return 1;
+  return plan_.fades.empty() ? powers_[static_cast<std::size_t>(from - to)]
+                             : plan_.far_light.fade(from, to);
 }
 
 /// The least level of slice n that gives `need` to a node so far from it, or even light.
@@ -70,7 +82,7 @@ EvenColumn::Edge EvenColumn::edge_of(Run first, Run past) const {
     const int below = run->coverage;
     const bool whole = above == 255 || below == 255;
     const double demand = whole ? 1.0 : std::min(above, below) / 255.0;
-    edge.limit = std::max(edge.limit, demand * powers_[static_cast<std::size_t>(node - edge.node)]);
+    edge.limit = std::max(edge.limit, demand * fade(node, edge.node));
     if (whole) break;
     above = below;
     ++node;
@@ -115,20 +127,22 @@ void EvenColumn::light_feature(Run first, Run past) {
   // What a feature after gives its own edge falls on the way to this one's end.
   double from_later = 0;
   if (later_dose_ > 0) {
-    from_later = later_dose_ * powers_[static_cast<std::size_t>(std::max(0, later_node_ - end))];
+    from_later = later_dose_ * fade(later_node_, end);
   }
   const int past_light = light_after(end, 1 + more_[static_cast<std::size_t>(end)] - from_later);
   const Edge edge = edge_of(first, past);
   const bool platform = first->first == 0;
   double dose = 0;
   if (later_dose_ > 0) {
-    dose = later_dose_ * powers_[static_cast<std::size_t>(std::max(0, later_node_ - edge.node))];
+    dose = later_dose_ * fade(later_node_, edge.node);
   }
   for (int n = past_light - 1; n >= end; --n) {
     dose += one(n, levels_[static_cast<std::size_t>(n)], n - edge.node);
   }
   const int summed = std::min(end, edge.node + far_);
-  if (end > summed) {
+  if (end > summed && !plan_.fades.empty()) {
+    dose += plan_.far_light.of_level(even_at(summed), {edge.node, summed, end});
+  } else if (end > summed) {
     const double a = plan_.kernel->a();
     const auto count = static_cast<std::size_t>(end - summed);
     dose += one(summed, even_at(summed), summed - edge.node) * (1 - powers_[count]) / (1 - a);

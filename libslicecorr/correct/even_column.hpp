@@ -42,6 +42,7 @@ class EvenColumn {
   Edge edge_of(Run first, Run past) const;
   int light_after(int end, double need);
   double one(int n, int level, int distance) const;
+  double fade(int from, int to) const;
   int least_level(int n, int distance, double need) const;
   int even_at(int n) const { return plan_.cap_of(n, *even_); }
 

@@ -368,7 +368,7 @@ double LevelRule::borne_by_edge(const Feature& feature) const {
   for (int k = feature.upper; k <= feature.lower && most < share; ++k) {
     most = std::max(most, share * design_.demand[static_cast<std::size_t>(k)]);
     if (design_.full(k)) break;
-    share *= plan_.kernel->a();
+    share *= plan_.fades.empty() ? plan_.kernel->a() : plan_.far_light.fade(k + 1, k);
   }
   return most;
 }

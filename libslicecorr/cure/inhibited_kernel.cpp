@@ -206,6 +206,8 @@ InhibitedKernel::InhibitedKernel(const Kinetics& kinetics, const Kinetics& gel,
           "even light is for continuous exposure; layer by layer the part stands still");
     }
     count_flow(*process.even_light, level_intensities(printer).back() * usual_light_share(process));
+    near_ =
+        std::max(near_, 2 + static_cast<int>(std::ceil(gap_um_ / thinnest_um(process, layer_um))));
   }
   end_resin(printer.resin_depth_um);
   surround(printer, process);
@@ -265,25 +267,28 @@ void InhibitedKernel::make_tables() {
 /// light is the even light of its place.
 void InhibitedKernel::count_flow(const EvenLight& light, double full_mw_cm2) {
   gap_um_ = light.gap_um;
-  near_ = std::max(near_, 2 + static_cast<int>(std::ceil(gap_um_ / layer_um_)));
-  const double least = light.least_blue() / 255.0 * full_mw_cm2,
-               greatest = light.greatest_blue() / 255.0 * full_mw_cm2;
+  least_even_mw_cm2_ = light.least_blue() / 255.0 * full_mw_cm2;
+  greatest_even_mw_cm2_ = light.greatest_blue() / 255.0 * full_mw_cm2;
   while (least_even_level_ + 1 < levels() &&
-         blue_[static_cast<std::size_t>(least_even_level_) + 1] <= least * (1 + 1e-9)) {
+         blue_[static_cast<std::size_t>(least_even_level_) + 1] <=
+             least_even_mw_cm2_ * (1 + 1e-9)) {
     ++least_even_level_;
   }
   for (int s = 0; s < settings(); ++s) {
-    for (int l = 0; l < levels(); ++l) {
-      const double share = blue_share(s);
-      const double blue =
-          std::clamp(blue_[static_cast<std::size_t>(l)] * share, least, greatest) / share;
-      const double front = profile_->front_um(blue, kinetics_.beta * uv_of(s, l));
-      const double still = scale_ * std::pow(share, kinetics_.m) * profile_->amount(blue, front) *
-                           (profile_->rest(-front) - profile_->rest(gap_um_ - front));
-      flow_factor_.push_back(
-          std::clamp(1.0 / std::max(still, 1e-9), 1.0 / kMostFlowFactor, kMostFlowFactor));
-    }
+    for (int l = 0; l < levels(); ++l) flow_factor_.push_back(flow_factor_with(s, l, 1.0));
   }
+}
+
+/// The same where the platform sends back so much that blue light counts `back` times.
+double InhibitedKernel::flow_factor_with(int setting, int level, double back) const {
+  const double share = blue_share(setting);
+  const double blue = std::clamp(blue_[static_cast<std::size_t>(level)] * share * back,
+                                 least_even_mw_cm2_, greatest_even_mw_cm2_) /
+                      share;
+  const double front = profile_->front_um(blue, kinetics_.beta * uv_of(setting, level));
+  const double still = scale_ * std::pow(share, kinetics_.m) * profile_->amount(blue, front) *
+                       (profile_->rest(-front) - profile_->rest(gap_um_ - front));
+  return std::clamp(1.0 / std::max(still, 1e-9), 1.0 / kMostFlowFactor, kMostFlowFactor);
 }
 
 double InhibitedKernel::rest(int setting, int level, double d_um, const Back& back) const {
@@ -312,9 +317,12 @@ double InhibitedKernel::rest_beyond(int setting, int level, double d_um, const B
   }
   const double front = source(setting, level).front_um;
   if (flow_factor_.empty()) return back.times * profile_->rest(d - front);
-  const double at_gap = profile_->rest(gap_um_ - front);
-  if (d_um >= gap_um_) return profile_->rest(d_um - front);
-  return at_gap + flow_factor(setting, level) * (profile_->rest(d_um - front) - at_gap);
+  const double at = back.times * profile_->rest(d - front);
+  if (d_um >= gap_um_) return at;
+  const double at_gap = back.times * profile_->rest(gap_um_ + back.nearer_um - front);
+  const double often = back.nearer_um > 0 ? flow_factor_with(setting, level, back.blue)
+                                          : flow_factor(setting, level);
+  return at_gap + often * (at - at_gap);
 }
 
 /// One setting for each different intensity over usual blue light.
@@ -456,7 +464,7 @@ double InhibitedKernel::steady_at(LayerPosition place, int setting, int level) c
 
 double InhibitedKernel::setting_dead_zone_um(int setting, int level) const {
   if (fronts_per_um_ > 0) return std::max(0.0, source(setting, level).front_um);
-  if (gap_um_ > 0 && level >= least_even_level_) return gap_um_;
+  if (gap_um_ > 0 && is_even(setting, level)) return gap_um_;
   const double blue = brightest_of(level), uv = uv_of(setting, level);
   return steady_dead_zone_um(kinetics_, front_blue(slice_of(setting), blue, uv), uv);
 }

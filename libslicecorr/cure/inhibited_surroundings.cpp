@@ -49,7 +49,8 @@ double InhibitedKernel::returned(double place_um) const {
 InhibitedKernel::Back InhibitedKernel::back(double place_um) const {
   if (!(reflectance_ > 0)) return {};
   const double blue = returned_blue(place_um), nearer = std::log(blue) / slope_per_um(kinetics_);
-  return {nearer, std::pow(blue, kinetics_.m) * std::exp(kinetics_.m * nearer / kinetics_.hb_um)};
+  return {nearer, std::pow(blue, kinetics_.m) * std::exp(kinetics_.m * nearer / kinetics_.hb_um),
+          blue};
 }
 
 double InhibitedKernel::blue_at_front(int slice, double front_um) const {
@@ -71,6 +72,15 @@ double InhibitedKernel::front_blue(int slice, double blue_mw_cm2, double uv_mw_c
     (more ? low : high) = times;
   }
   return blue_mw_cm2 * high;
+}
+
+/// Whether a level is even light in the slices of a setting, or more: with what comes back, where the window is
+/// nearest to the platform.
+bool InhibitedKernel::is_even(int setting, int level) const {
+  const int slice = slice_of(setting);
+  if (level >= least_even_level_ || slice < 0) return level >= least_even_level_;
+  const double next = blue_[static_cast<std::size_t>(level) + 1] * blue_at_front(slice, gap_um_);
+  return next > least_even_mw_cm2_ * (1 + 1e-9);
 }
 
 double InhibitedKernel::window_blue(int setting, double blue_mw_cm2) const {
@@ -122,6 +132,8 @@ void InhibitedKernel::surround(const Printer& printer, const Process& process) {
     if (!setting_share_.empty()) setting_share_.push_back(setting_share_[from]);
     for (int l = 0; l < levels(); ++l) {
       sources_.push_back(source(uv, l));
+      if (!flow_factor_.empty())
+        flow_factor_.push_back(flow_factor_[static_cast<std::size_t>(uv * levels() + l)]);
       if (!pulses_.empty()) pulses_.push_back(pulses_[static_cast<std::size_t>(uv * levels() + l)]);
     }
     if (table_bytes() > kMostTableBytes) {

@@ -27,6 +27,22 @@ int values_per_model(const InhibitedKernel& kernel, int values) {
   return std::clamp(static_cast<int>(std::ceil(values * kernel.table_bytes() / kMostBytes)), 1, 64);
 }
 
+/// The same of the values that occur: a picture may have few, far from each other.
+int values_per_model(const InhibitedKernel& kernel, const std::array<std::uint64_t, 256>& counts) {
+  const double most = std::max(1.0, kMostBytes / kernel.table_bytes());
+  int step = 1;
+  for (; step < 64; ++step) {
+    int classes = 0, last = -1;
+    for (int v = 0; v < static_cast<int>(counts.size()); ++v) {
+      if (counts[static_cast<std::size_t>(v)] == 0 || v / step == last) continue;
+      last = v / step;
+      ++classes;
+    }
+    if (classes <= most) break;
+  }
+  return step;
+}
+
 bool uv_is_uneven(const Printer& printer, const Process& process) {
   // The images of an even dead zone make its UV light even.
   const bool made_even = process.even_light || process.even_dead_zone != EvenDeadZone::off;
@@ -210,8 +226,13 @@ PlaceModels::PlaceModels(const Printer& printer, const Resin& resin, const Proce
   const int values = field.greatest() - least + 1;
   least_ = least;
   values_ = values;
-  const int together = values_per_model(*model(map_.greatest()).inhibited(), values);
-  const bool own = !model(map_.greatest()).inhibited()->alike();
+  const InhibitedKernel& kernel = *model(map_.greatest()).inhibited();
+  int together = values_per_model(kernel, values);
+  if (together > 1) {
+    const PixelBox all{0, 0, images.width_px, images.height_px};
+    together = std::min(together, values_per_model(kernel, map_.counts(all)));
+  }
+  const bool own = !kernel.alike();
   // Edges would lie elsewhere than is told.
   const double off = 0.5 * (together - 1) / std::max(1, least);
   if (off > kMostSharedLight) {

@@ -157,7 +157,8 @@ class LightAdder {
         map_(setup.printer, images, frame),
         uv_map_(uv_light_map(setup.printer, images, frame)),
         even_light_(*setup.process.even_light),
-        process_(setup.process) {
+        process_(setup.process),
+        back_(setup.printer, setup.resin, setup.process, images.layer_um) {
     blue_ = level_intensities(setup.printer);
     blue_of_ = units(blue_);
     full_ = blue_.back();
@@ -175,7 +176,8 @@ class LightAdder {
     const auto width = static_cast<std::size_t>(band.width());
     std::vector<std::uint8_t> whole;
     std::vector<double> even(width);
-    const double blue_share = LampShares{process_}.blue(n), uv_share = LampShares{process_}.uv(n);
+    const double blue_share = LampShares{process_}.blue(n) * back_.times(n),
+                 uv_share = LampShares{process_}.uv(n);
     for (int y = band.y0; y < band.y1; ++y, rows += width, covered += width) {
       if (std::all_of(rows, rows + width, [](std::uint8_t p) { return p == 0; }) &&
           std::all_of(covered, covered + width, [](std::uint8_t p) { return p == 0; })) {
@@ -239,6 +241,7 @@ class LightAdder {
   LightMap map_, uv_map_;
   EvenLight even_light_;  ///< with curing light in place of UV light
   const Process& process_;
+  EvenBack back_;
   std::optional<EvenPixels> even_;
   std::vector<double> blue_, blue_of_, uv_of_;
   double full_ = 0, step_ = 0;

@@ -121,6 +121,7 @@ void check_left_alone(const SliceSource& target, const Setup& setup, const Proce
   const double most_uv = setup.printer.uv->max_mw_cm2() * detail::least_uv_factor(setup.printer);
   const double beta = flow_resin(setup.resin).kinetics.beta;
   const bool patterned = process.even_light->uv != nullptr;
+  const detail::EvenBack back(setup.printer, setup.resin, process, target.grid().layer_um);
   for (const PixelBox& band : detail::bands_of(target.grid(), target.bounds())) {
     target.left_alone()->read_band(band, [&](int n, const std::uint8_t* rows) {
       context.check_cancelled();
@@ -130,15 +131,16 @@ void check_left_alone(const SliceSource& target, const Setup& setup, const Proce
       const double light = blue[static_cast<std::size_t>(level)];
       const auto& of_slice = process.uv.slice_mw_cm2;
       const detail::LampShares lamps{setup.process};
+      const double shone = light * lamps.blue(n) * back.times(n);
       const double uv =
           lamps.uv(n) *
           (patterned ? most_uv
                      : of_slice[std::min(static_cast<std::size_t>(n), of_slice.size() - 1)]);
-      if (most == 0 || light * lamps.blue(n) <= beta * uv * (1 + 1e-9)) return;
+      if (most == 0 || shone <= beta * uv * (1 + 1e-9)) return;
       throw InfeasibleError(fmt::format(
           "what is left alone would stick to the window in slice {}: it shines with {:.4g} mW/cm², of which UV light of "
           "{:.4g} mW/cm² holds {:.4g} off; expected {}, or the part by itself",
-          n, light * lamps.blue(n), uv, beta * uv,
+          n, shone, uv, beta * uv,
           patterned ? "a UV lamp that gives more" : "a UV lamp that shows patterns (uv.kind)"));
     });
   }
@@ -211,13 +213,17 @@ EvenUvImages::EvenUvImages(const Setup& setup, const Grid& images, const ImageFr
   const double most = printer.uv->max_mw_cm2();
   const Setup lit = detail::lit_setup(setup);
   const detail::LampShares lamps{lit.process};
+  const detail::EvenBack back(printer, setup.resin, setup.process, images.layer_um);
+  // One more: what comes back ends with the slices that it is told of.
   const std::size_t own =
-      std::max(lit.process.light_share.size(), lit.process.uv_lamp_share.size());
+      std::max({lit.process.light_share.size(), lit.process.uv_lamp_share.size(),
+                back.slices() > 0 ? back.slices() + 1 : 0});
   std::map<double, std::uint16_t> known;
   for (std::size_t n = 0; n < std::max<std::size_t>(1, own); ++n) {
     const double comes = lamps.uv(static_cast<int>(n));
     const auto [at, fresh] = known.try_emplace(comes, static_cast<std::uint16_t>(known.size()));
-    lamps_.push_back({lamps.blue(static_cast<int>(n)), at->second});
+    const auto slice = static_cast<int>(n);
+    lamps_.push_back({lamps.blue(slice) * back.times(slice), at->second});
     if (!fresh) continue;
     std::vector<std::uint8_t>& of_share = of_share_.emplace_back();
     for (int s = 0; s <= 255 * kSteps; ++s) {

@@ -102,6 +102,7 @@ FirstSlices follow_first_slices(const SliceSource& part, FlowPixels pixels, cons
     }
     InTime how;
     how.layer_um = cells.layer_um();
+    how.heights = LayerHeights(setup.process.layer_heights_um);
     how.slices = std::min(cells.slices(), kSlices);
     // Half as many levels take a quarter of the time, and tell the same slice.
     how.level_um = 10;

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <vector>
 
+#include "process/even_back.hpp"
 #include "slicecorr/cure.hpp"
 #include "slicecorr/setup.hpp"
 

@@ -52,7 +52,7 @@ class PartGrowth {
     for (int n = 0; n < slices && !all.sticks; ++n) {
       context_.report("follow the print", static_cast<double>(n) / slices);
       const int mask = part_.mask_of(n);
-      const double until_s = (n + 1) * part_.layer_um() / speed_um_s_;
+      const double until_s = how_.heights.place_um(n + 1, part_.layer_um()) / speed_um_s_;
       if (mask < 0) {
         throw InputError(
             fmt::format("slice {}: no cell has gelled material above; expected a part whose slices "

@@ -65,21 +65,10 @@ constexpr const char* kGelTimeUv =
 constexpr const char* kBleachingUv =
     "{resin}: bleaching: is not counted under UV light, since what UV light bleaches, and how much further it "
     "then inhibits, a resin file does not say; expected no UV light, or a resin without [bleaching]";
-constexpr const char* kEvenMirror =
-    "{printer}: vat.platform_reflectance: is not counted beside an even dead zone: what comes back from the platform "
-    "moves the front slice by slice, and the flow under it is found for light from the window alone; expected a "
-    "printer without it, or even_dead_zone off";
 constexpr const char* kStayUv =
     "slices that get more light where they go slower can't have an even dead zone: resin flows faster where slices go "
     "faster, and light that is even for one flow is not for another; expected lamps that follow the speed, or "
     "even_dead_zone off";
-constexpr const char* kEvenHeights =
-    "layers of different heights are not counted beside an even dead zone, whose light is found for slices of one "
-    "height; expected layers of one height, or even_dead_zone off";
-constexpr const char* kUnevenUvTables =
-    "{printer}: uv.flat_field: is not told apart finely enough where slices each have tables of their own (different "
-    "heights, a platform that sends light back): places differ in UV light as well, and there is room for too few "
-    "tables; expected layers of one height and a platform that takes light up, or a printer without it";
 constexpr const char* kEdgesInHeights =
     "edges lie at slices: the mesh's own heights are not counted in layers of different heights";
 constexpr const char* kSureUv =
@@ -138,10 +127,6 @@ constexpr Unsupported kTable[] = {
     {robust, even_dead_zone, refused, kRobustUv},
     {even_dead_zone, layerwise, refused,
      "an even dead zone is for continuous exposure: layer by layer resin comes to rest"},
-    {reflectance, even_dead_zone, refused, kEvenMirror},
-    {reflectance, uneven_uv, refused, kUnevenUvTables},
-    IN_HEIGHTS(uneven_uv, refused, kUnevenUvTables),
-    {moved_heights, even_dead_zone, refused, kEvenHeights},
     {even_dead_zone, spread, alone,
      "an even dead zone is found for light that stays in its pixel, and images keep it"},
     // What is left out.

@@ -28,6 +28,7 @@
 #include "slicecorr/flow_disc.hpp"
 #include "slicecorr/flow_part.hpp"
 #include "slicecorr/flow_suction.hpp"
+#include "slicecorr/layer_heights.hpp"
 #include "slicecorr/parallel.hpp"
 
 namespace slicecorr {
@@ -42,6 +43,7 @@ struct InTime {
   double level_um = 5;       ///< height of a level over the window, > 0
   double top_um = 600;       ///< how far levels go: 4 to 2000 of them
   int cells = 40;            ///< of a disc or strip, from the middle to the edge, 4..1000
+  LayerHeights heights{};    ///< of a part, where its slices are of different heights
 };
 
 /// After a slice has been exposed.

@@ -180,6 +180,7 @@ class InhibitedKernel {
   /// light that counts is `times` as much.
   struct Back {
     double nearer_um = 0, times = 1;
+    double blue = 1;  ///< how often blue light counts
   };
   Back back(double place_um) const;
   /// Continuous: what light of a level gives, relative dose, to what is `d_um` and more away from the
@@ -259,6 +260,8 @@ class InhibitedKernel {
   void make_tables();
   void tabulate(int setting);
   void count_flow(const EvenLight& light, double full_mw_cm2);
+  double flow_factor_with(int setting, int level, double back) const;
+  bool is_even(int setting, int level) const;
   void end_resin(double depth_um);
   /// `rest` of resin without end.
   double rest_beyond(int setting, int level, double d_um, const Back& back) const;
@@ -293,6 +296,7 @@ class InhibitedKernel {
   std::vector<Pulses> pulses_;  ///< [setting * levels + level]
   double gap_um_ = 0;           ///< 0: resin stands still
   int least_even_level_ = 0;
+  double least_even_mw_cm2_ = 0, greatest_even_mw_cm2_ = 0;  ///< even light, of the usual light
   std::vector<double> flow_factor_;  ///< [setting * levels + level]; empty: all 1
   double depth_um_ = 0;              ///< of the resin; 0: without end
   std::vector<double> blue_share_;   ///< by setting; empty: all 1

@@ -90,13 +90,13 @@ def hidden(folder):
     return sorted(os.path.relpath(p, folder) for p in found)
 
 
-def fast_printer(path, slices, bench_px=(32, 24)):
+def fast_printer(path, slices, bench_px=(32, 24), travel_mm=2):
     """A machine on Modbus that prints quickly; what it prints is made beside it. Returns the stack's path."""
     from docs_machine_faults import replaced
     with open(os.path.join(ROOT, "resins/printers/dual-wavelength-dlp.toml")) as file:
         text = file.read()
     for what, by in (("width_px = 1280", f"width_px = {bench_px[0]}"), ("height_px = 800", f"height_px = {bench_px[1]}"),
-                     ("travel_mm = 100", "travel_mm = 2"), ("lift_mm = 3", "lift_mm = 1"),
+                     ("travel_mm = 100", f"travel_mm = {travel_mm}"), ("lift_mm = 3", "lift_mm = 1"),
                      ("\nwarm_up_s = 2\n", "\nwarm_up_s = 0.1\n"), ("acceleration_mm_s2 = 1.0", "acceleration_mm_s2 = 10")):
         text = replaced(text, what, by)
     with open(path, "w") as file:

@@ -8,6 +8,9 @@
 queue    slicefarm serve and status with N queued jobs: how long each view takes, the median of five
 clients  N clients of slicefarm serve for S seconds: most ask for pages and lists, a tenth reads a byte now and then, a
          tenth sends half a request and waits, some upload; meanwhile one well-behaved client is timed
+upload   one part of M MB: memory stays, and a disk that has no room for the next says so (on a small disk of its own, where
+         the user may mount one)
+long_print  one print of S slices in simulated time (--slices): memory and open files of bridge and machine
 prints   a farm's service, its server and a machine's page live on while N jobs are corrected and printed on printer-sim in
          simulated time: memory, open files and files on the disk at a third and at the end
 
@@ -66,7 +69,7 @@ class Case:
     def __init__(self, options):
         self.options, self.folder = options, tempfile.mkdtemp(prefix="load-")
         self.programs = Programs(options.bin, self.folder)
-        self.wrong, self.told, self.children = [], {}, []
+        self.wrong, self.told, self.children, self.mounted = [], {}, [], None
 
     def path(self, name):
         return os.path.join(self.folder, name)
@@ -75,11 +78,11 @@ class Case:
         self.wrong.append(text)
         print(f"load: {text}", file=sys.stderr, flush=True)
 
-    def serve(self):
+    def serve(self, *more):
         with open(os.open(self.path("token"), os.O_CREAT | os.O_WRONLY, 0o600), "w") as file:
             file.write(TOKEN + "\n")
         server = self.programs.start("slicefarm", "serve", "--dir", "farm", "--listen", "127.0.0.1:0", "--token-file",
-                                     self.path("token"), stdout=subprocess.PIPE)
+                                     self.path("token"), *more, stdout=subprocess.PIPE)
         self.children.append(server)
         self.address = server.stdout.readline().decode().strip().split("//")[-1].rstrip("/")
         return server
@@ -99,6 +102,8 @@ class Case:
         for child in self.children:
             child.terminate()
             child.wait()
+        if self.mounted:
+            subprocess.run(["umount", self.mounted], check=True)
         shutil.rmtree(self.folder, ignore_errors=True)
 
 
@@ -266,6 +271,78 @@ def clients(case):
                       "99_percent_ms": round(1000 * times[len(times) * 99 // 100], 1) if times else None, "well_behaved": own})
 
 
+def put(case, size, answers):
+    """Uploads `size` bytes, a piece at a time; adds the status and what is said, or the connection's end."""
+    block = bytes(range(256)) * 4096
+    connection = http.client.HTTPConnection(case.address, timeout=120)
+    try:
+        connection.request("PUT", "/api/v1/parts/large.stl", (block[:min(len(block), size - at)] for at in range(0, size, len(block))),
+                           {"Authorization": f"Bearer {TOKEN}", "Content-Length": str(size)})
+        answer = connection.getresponse()
+        answers.append((answer.status, answer.read().decode(errors="replace")))
+    except (OSError, http.client.HTTPException) as error:
+        # The server may answer and close before all has come.
+        try:
+            connection.sock.settimeout(2)
+            said = connection.sock.recv(4096).decode(errors="replace")
+            answers.append((int(said[9:12]), said))
+        except (OSError, ValueError, AttributeError):
+            answers.append((0, str(error)))
+    finally:
+        connection.close()
+
+
+def upload(case):
+    """One large part: memory stays, the file is whole; one that is larger than allowed, that finds no room, and that the disk
+    has no room for while it comes, is refused in words and leaves nothing."""
+    size, answers = case.options.upload_mb * 1_000_000, []
+    os.mkdir(case.path("farm"))
+    mounted = os.geteuid() == 0 and subprocess.run(["mount", "-t", "tmpfs", "-o", f"mode=755,size={(size * 7) // 4}", "tmpfs", case.path("farm")],
+                                                   capture_output=True).returncode == 0
+    case.mounted = case.path("farm") if mounted else None
+    box_stl(case.path("part.stl"), 1, 1.5, 0.5)
+    case.programs.sound("slicefarm", "submit", "part.stl", "--dir", "farm", "--layer-um", "50", *SPEED, *LIGHT)
+    case.programs.sound("slicefarm", "set", "--dir", "farm", "min-free-mb=0")
+    server = case.serve("--max-upload-mb", str(case.options.upload_mb))
+    case.ask("/api/v1/jobs")
+    before = most = used(server.pid)
+    begin = time.monotonic()
+    one = threading.Thread(target=put, args=(case, size, answers))
+    one.start()
+    while one.is_alive():
+        now = used(server.pid)
+        most = {k: max(v, now[k]) for k, v in most.items()}
+        time.sleep(0.05)
+    case.told = {"upload_mb": case.options.upload_mb, "seconds": round(time.monotonic() - begin, 1), "before": before, "most": most}
+    if answers != [] and answers[-1][0] != 201:
+        case.tell(f"upload: {answers[-1]}")
+    if most["rss_kb"] > before["rss_kb"] + 16384:
+        case.tell(f"memory: {before['rss_kb']} kB before, {most['rss_kb']} kB at most")
+    there = [os.path.join(at, n) for at, _, names in os.walk(case.path("farm/uploads")) for n in names]
+    if [os.path.getsize(p) for p in there] != [size]:
+        case.tell(f"in uploads: {there}")
+    put(case, size + 1, answers)
+    if answers[-1][0] != 413:
+        case.tell(f"a part that is too large: {answers[-1]}")
+    if mounted:
+        # The first fills three quarters of the disk.
+        put(case, size, answers)
+        if answers[-1][0] != 507:
+            case.tell(f"a part that finds no room: {answers[-1]}")
+        parts = [threading.Thread(target=put, args=(case, size // 2, answers)) for _ in range(3)]
+        for p in parts:
+            p.start()
+        for p in parts:
+            p.join()
+        if any(status not in (201, 503, 507) for status, _ in answers[-3:]) or not any(status in (503, 507) for status, _ in answers[-3:]):
+            case.tell(f"parts that fill the disk together: {answers[-3:]}")
+        case.told["disk is full"] = sorted({text.strip()[-160:] for status, text in answers[-4:] if status in (503, 507)})
+    left = kills_parts.hidden(case.path("farm/uploads"))
+    if left or case.ask("/healthz")[0] not in (200, 503) or server.poll() is not None:
+        case.tell(f"afterwards: left {left}, {server.poll()}")
+    case.told["answers"] = [status for status, _ in answers]
+
+
 def prints(case):
     mesh, _, stack = kills_parts.fast_printer(case.path("fast.toml"), 4)
     printer = case.path("fast.toml")
@@ -317,7 +394,37 @@ def prints(case):
                 case.tell(f"{name}: {third[name]} files after a third, {last[name]} at the end")
 
 
-CASES = {f.__name__: f for f in (queue, clients, prints)}
+def long_print(case):
+    """One print of many slices in simulated time: what bridge and machine use after a third and at the end."""
+    slices = case.options.slices
+    mesh, target, stack = kills_parts.fast_printer(case.path("fast.toml"), slices, travel_mm=0.05 * slices + 4)
+    printer = case.path("fast.toml")
+    case.programs.sound("slicecorr", "slice", mesh, "-o", target, "--printer", printer, "--layer-um", "50", "--antialias", "off")
+    case.programs.sound("slicecorr", "correct", target, "-o", stack, "--printer", printer, "--resin", "figure-2-2", "--ha-um", "110",
+                        "--speed-mm-h", "80", timeout=600)
+    sim, modbus = case.programs.machine(printer)
+    case.children.append(sim)
+    bridge = case.programs.start("printbridge", "print", stack, "--printer", printer, "--dir", "state", "--modbus", modbus, "--sink", "null",
+                                 "--lockstep", "--quiet")
+    seen, begin = [], time.monotonic()
+    while bridge.poll() is None:
+        try:
+            seen.append({"bridge": used(bridge.pid), "machine": used(sim.pid)})
+        except (OSError, KeyError):
+            break
+        time.sleep(0.1)
+    if bridge.wait() != 0:
+        case.tell(f"ends with {bridge.returncode}")
+    status = json.loads(case.programs.sound("printbridge", "status", "--printer", printer, "--dir", "state", "--json", "-").stdout)
+    third, last = seen[len(seen) // 3], seen[-2] if len(seen) > 1 else seen[-1]
+    case.told = {"slices": slices, "seconds": round(time.monotonic() - begin), "simulated_s": round(float(status.get("at_s") or 0)),
+                 "third": third, "end": last}
+    for name in third:
+        if last[name]["files"] > third[name]["files"] + 2 or last[name]["rss_kb"] > 1.1 * third[name]["rss_kb"] + 4096:
+            case.tell(f"{name}: {third[name]} after a third, {last[name]} at the end")
+
+
+CASES = {f.__name__: f for f in (queue, clients, upload, prints, long_print)}
 
 
 def main():
@@ -329,6 +436,7 @@ def main():
     parser.add_argument("--seconds", type=float, default=5)
     parser.add_argument("--upload-mb", type=int, default=4)
     parser.add_argument("--prints", type=int, default=9)
+    parser.add_argument("--slices", type=int, default=100, help="of the long print")
     add_options(parser)
     options = parser.parse_args()
     return run_cases(options, CASES, lambda: Case(options), lambda ask, case: ask(case), lambda case: case.told)

@@ -254,19 +254,19 @@ void InhibitedColumn::Impl::search(const std::vector<CoverageRun>& runs) {
 
 namespace {
 
-/// The floors of a column whose features are to hold at every lift.
+/// The floors of a column whose features are to hold at every lift. Greys hold where the slicer's light does.
 std::vector<Level> held_floors(const InhibitedPlan& plan, const std::vector<CoverageRun>& runs,
                                const ColumnBounds& bounds) {
   std::vector<Level> floors = bounds.floors;
   floors.resize(static_cast<std::size_t>(plan.all_layers), 0);
   for (const CoverageRun& run : runs) {
-    if (run.coverage != 255) continue;
+    const int slicers = level_of_pixel(run.coverage, plan.kernel->levels());
     for (int n = run.first; n < std::min(run.end, plan.all_layers); ++n) {
       const auto at = static_cast<std::size_t>(n);
       // The first layer over a gap hangs on its neighbours.
       const bool film = n == run.first && n > 0;
-      const int holds = std::min<int>(film ? plan.film_own[at] : plan.holding_own[at],
-                                      plan.cap_of(n, bounds.caps));
+      const int holds = std::min({static_cast<int>(film ? plan.film_own[at] : plan.holding_own[at]),
+                                  slicers, plan.cap_of(n, bounds.caps)});
       floors[at] = std::max(floors[at], static_cast<Level>(holds));
     }
   }

@@ -119,6 +119,10 @@ int LayerColumn::level_of(const LayerRun& run, int n) {
   if (run.coverage == 0) return 0;
   if (run.is_feature() && wanted_) return wanted_->level(n, walk_);
   if (run.is_feature() && lifted_) return lifted_->level(run, n, walk_.after());
+  if (lifted_) {
+    return std::min(lifted_->level(run.as_feature(), n, walk_.after()),
+                    level_of_pixel(run.coverage, plan_.levels.size()));
+  }
   return known_.level(light_of_layer(plan_, run, n, walk_.after()), run.coverage);
 }
 
@@ -164,11 +168,16 @@ std::vector<double> solve_layers_exactly(const CorrectionPlan& plan,
   read_layer_runs(covered, {}, plan.all_layers, runs);
   LayerWalk walk(model);
   std::vector<double> held;  // of the first layers of the feature at hand
-  const auto of_feature = [&](const LayerRun& run, int n) {
+  const auto of_lit = [&](const LayerRun& run, int n) {
     const int layers = std::min(run.end - run.first, lifted->reach());
     if (run.first == 0 || n - run.first >= layers) return model.phi_max();
     if (held.empty()) held = lifted->solve({run.first, layers, walk.after(), edge_below(run)}).phi;
     return held[static_cast<std::size_t>(n - run.first)];
+  };
+  const auto of_lifted = [&](const LayerRun& run, int n) {
+    if (run.is_feature()) return of_lit(run, n);
+    const int slicers = level_of_pixel(run.coverage, plan.levels.size());
+    return std::min(of_lit(run.as_feature(), n), plan.levels.phi(slicers));
   };
   const auto of_layer = [&](const LayerRun& run, int n) {
     const LayerLight light = light_of_layer(plan, run, n, walk.after());
@@ -185,7 +194,7 @@ std::vector<double> solve_layers_exactly(const CorrectionPlan& plan,
     for (int n = run.end; n-- > run.first;) {
       walk.enter(n, plan.all_layers, light);
       phi[static_cast<std::size_t>(n)] =
-          lifted && run.is_feature() ? of_feature(run, n) : of_layer(run, n);
+          lifted && run.coverage != 0 ? of_lifted(run, n) : of_layer(run, n);
       walk.pass(n, light(n));
     }
   }

@@ -21,6 +21,7 @@ namespace slicecorr::detail {
 /// Layers [first, end) of a column, of one coverage or left alone.
 struct LayerRun {
   int first = 0, end = 0;
+  int lit_from = 0;  ///< where what is lit without a gap up to it begins
   std::uint8_t coverage = 0;
   std::uint8_t height = 0;  ///< edge height of its upper node, below a gap or the platform; else 0
   bool gap_above = false;
@@ -30,6 +31,14 @@ struct LayerRun {
   Level level = 0;  ///< left alone: what is shown
 
   bool is_feature() const { return coverage == kFull; }
+  /// As if what is lit up to it were a feature with it.
+  LayerRun as_feature() const {
+    LayerRun feature = *this;
+    feature.first = lit_from;
+    feature.coverage = kFull;
+    if (lit_from != first) feature.height = 0;
+    return feature;
+  }
 };
 
 /// The runs of a column, from the platform on.
@@ -42,6 +51,8 @@ inline void read_layer_runs(const std::vector<CoverageRun>& covered,
     here.first = run.first;
     here.end = run.end;
     here.coverage = run.coverage;
+    const bool goes_on = !out.empty() && out.back().coverage != 0 && !out.back().left_alone;
+    here.lit_from = goes_on ? out.back().lit_from : run.first;
     here.free_above = out.empty() || out.back().left_alone;
     here.gap_above = !here.free_above && out.back().coverage == 0;
     here.height = out.empty() || here.gap_above ? run.upper_height : std::uint8_t{0};

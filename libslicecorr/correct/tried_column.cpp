@@ -99,9 +99,19 @@ class TriedColumn final : public ColumnSolver {
   /// platform keeps full light, where that stays in its column.
   int holding(int n) const {
     if (holding_.empty()) return 0;
-    return n < stands_end_ && !plan_.careful
-               ? cap(n)
-               : std::min<int>(holding_[static_cast<std::size_t>(n)], cap(n));
+    return n < stands_end_ && !plan_.careful ? cap(n) : least_holding(n);
+  }
+  int least_holding(int n) const {
+    return std::min<int>(holding_[static_cast<std::size_t>(n)], cap(n));
+  }
+  /// With lifts: what a feature would get there, but no more than the slicer gave.
+  int lifted_grey(int n) const {
+    const bool stands = n < lit_from_platform_ && !plan_.careful;
+    const int feature = stands ? cap(n) : least_holding(n);
+    return std::max(
+        floor(n),
+        std::min(feature, level_of_pixel(static_cast<std::uint8_t>(cover(n)),
+                                         static_cast<int>(plan_.model.level_phi.size()))));
   }
   /// Whether full light from slice n - 1 on can still do what is asked.
   bool can_do(int n);
@@ -130,6 +140,7 @@ class TriedColumn final : public ColumnSolver {
   std::vector<double> wanted_;  ///< by layer; empty: just enough
   std::vector<Level> holding_;  ///< by slice; empty: nothing is lifted
   int stands_end_ = 0;          ///< layers of the feature that stands on the platform
+  int lit_from_platform_ = 0;   ///< layers of what is lit without a gap from the platform on
   std::vector<int> above_;      ///< per slice: the last layer up to it that is not empty; -1: none
   std::vector<Ask> asks_;
   int before_ = 0;  ///< level of the slice that was solved last
@@ -183,9 +194,10 @@ void TriedColumn<Doses>::read(const std::vector<CoverageRun>& runs,
     return height != 0 ? std::clamp(edge_height_slices(height), -plan_.farthest(), plan_.farthest())
                        : 0.0;
   };
-  stands_end_ = 0;
+  stands_end_ = lit_from_platform_ = 0;
   for (const CoverageRun& run : runs) {
     if (run.first == 0 && run.coverage == kFull) stands_end_ = run.end;
+    if (run.first == lit_from_platform_) lit_from_platform_ = run.end;
     std::fill(cover_.begin() + run.first, cover_.begin() + run.end, run.coverage);
     below_[static_cast<std::size_t>(run.first)] = farthest(run.upper_height);
     below_[static_cast<std::size_t>(run.end)] = farthest(run.lower_height);
@@ -440,6 +452,7 @@ template <typename Doses>
 int TriedColumn<Doses>::layerwise_level(int n) {
   const int c = cover(n);
   if (c == 0) return floor(n);
+  if (c != kFull && !holding_.empty()) return lifted_grey(n);
   if (c != kFull) {
     const double aim = aim_of(static_cast<std::uint8_t>(c));
     const int level = least_level(n, 0, before_, [&] { return middle(n) >= aim; });

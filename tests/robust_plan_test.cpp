@@ -179,7 +179,7 @@ TEST(RobustPlan, NoLightLeavesFewer) {
   EXPECT_EQ(sums.robust.as_said, 0);
 }
 
-// The least are those of robust_milp.py (`layers`); of plain corrections 76 and 136 fail.
+// The least are those of robust_milp.py (`layers`); of plain corrections 77 and 134 fail.
 TEST(RobustPlan, LayerByLayer) {
   const std::vector<Column> columns = test::random_columns(12, 61, 1, 6);
   for (const auto& [ha_um, least] : {std::pair{1500.0, 5}, {2500.0, 25}}) {

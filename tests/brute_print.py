@@ -9,6 +9,7 @@ the height.
 """
 
 import base64
+import functools
 import json
 import math
 import zipfile
@@ -70,26 +71,26 @@ def intensity(levels, calibration):
     return np.interp(levels, [p["level"] for p in calibration], [p["intensity_mw_cm2"] for p in calibration])
 
 
+@functools.lru_cache(maxsize=None)
+def spreading(sigma_um, pitch_um, n):
+    """What each of n pixels in a row gets of each: Gaussians integrated over pixels; beyond the display it is dark."""
+    if sigma_um == 0:
+        return np.eye(n)
+    edge = (np.arange(-n, n + 2) - 0.5) * pitch_um / (sigma_um * math.sqrt(2))
+    c = np.array([math.erf(e) for e in edge])
+    weights = (c[1:] - c[:-1]) / 2
+    return weights[n + np.arange(n)[:, None] - np.arange(n)]
+
+
 def blurred(image, spread, pitch_um):
-    """Light of each pixel spread by Gaussians over the window; beyond the display it is dark."""
+    """Light of each pixel spread by Gaussians over the window."""
     if not spread:
         return image
     total = sum(weight for _, weight in spread)
     out = np.zeros(image.shape)
     for sigma, share in spread:
-        def weights(n):
-            edge = (np.arange(-n, n + 2) - 0.5) * pitch_um / (sigma * math.sqrt(2))
-            c = np.array([math.erf(e) for e in edge])
-            return (c[1:] - c[:-1]) / 2
-        part = image * (share / total)
-        if sigma > 0:
-            for axis in (0, 1):
-                n = image.shape[axis]
-                w = weights(n)
-                matrix = np.array([[w[n + i - j] for j in range(n)] for i in range(n)])
-                part = np.tensordot(matrix, part, (1, axis))
-                part = np.moveaxis(part, 0, axis)
-        out += part
+        along = [spreading(sigma, pitch_um, n) for n in image.shape]
+        out += along[0] @ (image * (share / total)) @ along[1].T
     return out
 
 
@@ -128,6 +129,10 @@ class Print:
         shares = process.get("light_share") or [1]
         blue = np.array([b * shares[min(n, len(shares) - 1)] for n, b in enumerate(blue)])
         self.blue = np.array([blurred(b, gaussians(printer.get("spread")), pitch) for b in blue])
+        # Light that scatters: its variance grows with each um of its way.
+        self.shown, self.pitch_um = blue, pitch
+        self.spread = gaussians(printer.get("spread")) or [(0.0, 1.0)]
+        self.scatter = resin.get("scatter_um2_per_um", 0)
         self.rho = printer.get("platform_reflectance", 0)
         self.depth_um = printer.get("resin_depth_um", 0) or math.inf
         self.gel_time = resin["model"] == "gel-time"
@@ -179,6 +184,13 @@ class Print:
         self.gap_um = light["gap_um"]
         self.even = (min(shares) / 255 * full, max(shares) / 255 * full)
 
+    def light_of(self, n, d_um):
+        """What a slice shines, spread as far as it is at some distances from the window, were nothing absorbed."""
+        if not self.scatter:
+            return self.blue[n][..., None]
+        return np.stack([blurred(self.shown[n], [(math.sqrt(sigma**2 + self.scatter * round(d, 6)), weight)
+                                                 for sigma, weight in self.spread], self.pitch_um) for d in d_um], -1)
+
     def flow_factor(self, n, back):
         """How often the light of the gap counts: so that even light, with what comes back, gels just at the gap."""
         blue = np.clip(self.blue[n] * back, *self.even)[..., None]
@@ -210,7 +222,7 @@ class Print:
         total = greatest = np.zeros(self.blue.shape[1:])
         lights, roots, times = [], [], []
         for n, d_um, dt in self.looks(z_um):
-            light = self.blue[n][..., None] * np.exp(-d_um / self.he_um) * back
+            light = self.light_of(n, d_um) * np.exp(-d_um / self.he_um) * back
             if self.pulses is not None:
                 total = greatest = total + self.of_pulses(n, d_um, uv, back).sum(-1) * dt
                 continue
@@ -246,6 +258,10 @@ class Print:
             return self.alone()
         window = self.blue ** self.m * self.exposure_s / self.dose
         z_um = self.nodes_um[:, None, None]
+        if self.scatter:
+            # Told as it comes to the far edge, of which the window's is more by what absorbs (docs/spread.md).
+            crossed = np.array([self.light_of(n, [h])[..., 0] for n, h in enumerate(self.heights_um)])
+            window = crossed ** self.m * self.exposure_s / self.dose
         far = window * np.exp(-self.m * self.heights_um / self.he_um)[:, None, None]
 
         def back(z):

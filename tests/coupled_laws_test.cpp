@@ -254,6 +254,33 @@ std::vector<Law> laws() {
          s.process = test::uv::uv_process(60, 200);
        },
        nullptr},
+      {"it scatters, and m is not 1",
+       [](slicecorr::Setup& s) {
+         s.resin.model = CureModelKind::kinetic;
+         s.resin.m = 0.85;
+         s.resin.critical_dose_prime = 8;
+         s.resin.scatter_um2_per_um = 1;
+         s.printer.spread = {{{20, 1}}, std::nullopt};
+       },
+       nullptr},
+      {"it scatters, and the bath ends",
+       [](slicecorr::Setup& s) {
+         s.printer.resin_depth_um = 1000;
+         s.resin.scatter_um2_per_um = 1;
+         s.printer.spread = {{{20, 1}}, std::nullopt};
+       },
+       nullptr},
+      {"it scatters, m is not 1, the bath ends, light is uneven",
+       [uneven](slicecorr::Setup& s) {
+         s.printer.flat_field = FlatField{kWidth, kHeight, uneven, 255, false};
+         s.resin.model = CureModelKind::kinetic;
+         s.resin.m = 0.85;
+         s.resin.critical_dose_prime = 8;
+         s.resin.scatter_um2_per_um = 0.5;
+         s.printer.resin_depth_um = 1000;
+         s.printer.spread = {{{30, 1}}, std::nullopt};
+       },
+       nullptr},
       {"the resin bleaches",
        [](slicecorr::Setup& s) {
          s.resin.bleaching = Bleaching{units::height10_from_e(1500), 30};

@@ -44,6 +44,11 @@ PIXEL_UM, LAYER_UM = 50, 50
 TOLERANCE = 5e-4
 # Where another dose is wanted: columns of pixels, and the dose.
 REGION, REGION_DOSE = (1, 5), 1.6
+# Light that scatters (docs/spread.md): distances that share a kernel are off by 2e-3 of a dose beside a straight edge
+# where light ends among them, by four times that of a pixel that stands alone, and a half more where light begins again
+# among others. Layer by layer what scatters in half a
+# layer, 25 um², is taken for what scatters in all of it: of such a pixel 0.02 (scatter_depth_test.cpp says how).
+SCATTER_TOLERANCE, SCATTER_LAYERWISE = 1.2e-2, 2e-2
 # Where light spreads UV light counts to 0.2 % (docs/spread.md): a dose is off by so much of what it were without.
 UV_TOLERANCE = 2e-3
 
@@ -198,6 +203,11 @@ def spread(p):
     p.printer["blue"]["spread"] = [[35.0, 1.0]]
 
 
+def scatter(p):
+    """The variance of light grows by so much with each um of its way. No row of the table: see SCATTERED."""
+    p.resin["cure"]["scatter_um2_per_um"] = 1.0
+
+
 def uneven_light(p):
     values = np.array([[255 - 6 * x - 4 * y for x in range(WIDTH)] for y in range(HEIGHT)])
     p.flat = values / 255
@@ -342,6 +352,7 @@ FEATURES = {
     "a time to gel": gel_time,
     "a resin that bleaches": bleaching,
     "light that spreads": spread,
+    "light that scatters": scatter,
     "uneven light": uneven_light,
     "resin that ends": vat_depth,
     "a platform that sends light back": reflectance,
@@ -363,6 +374,7 @@ FEATURES = {
     "a UV lamp that fades": fading_uv,
 }
 UV = {"constant UV light", "UV light per slice", "patterned UV light", "an even dead zone"}
+SPREAD = {"light that spreads", "light that scatters"}
 # Figures only: no image changes.
 TELLS_ONLY = {"how sure figures are"}
 # Heights have a feature for each mode.
@@ -375,7 +387,19 @@ ELSEWHERE = [({mode, "more light for slower slices"}, "is for continuous exposur
     ({"a time to gel", uv}, "has no [inhibition]") for uv in sorted(UV - {"an even dead zone"})] + [
     ({"a time to gel", "uneven UV light"}, "has no [inhibition]"),
     ({"a time to gel", "a UV lamp that fades"}, "has no [inhibition]"),
-    ({"a time to gel", "a resin that bleaches"}, "whose dose is not its intensity times its time")]
+    ({"a time to gel", "a resin that bleaches"}, "whose dose is not its intensity times its time")] + [
+    # With what light scatters is no row of the table.
+    ({"light that scatters", other}, words) for other, words in sorted({
+        **{uv: "UV light is on; expected one of both" for uv in UV},
+        "uneven UV light": "UV light is on; expected one of both",
+        "a UV lamp that fades": "UV light is on; expected one of both",
+        "a time to gel": "scattered light of such resins does not add up from slice to slice",
+        "a resin that bleaches": "scattered light of such resins does not add up from slice to slice",
+        "a platform that sends light back": "which scatters on a longer way",
+        "layers of different heights": "of which each would scatter by weights of its own",
+        "slices of different heights": "of which each would scatter by weights of its own",
+        "a robust correction": "where light scatters in the resin",
+        "how sure figures are": "where light scatters in the resin"}.items())]
 
 
 def one_print(features):
@@ -399,6 +423,8 @@ class Table:
     def verdicts(self, features):
         """Of all pairs among `features`: verdict and words, as the programs look: refusals first."""
         features = set(features)
+        if "light that scatters" in features:
+            features.add("light that spreads")
         if "resin that lifts exchange" in features:
             features.add("layers that hold at each lift")
         if LAYERWISE & features:
@@ -543,7 +569,7 @@ class Case:
                 continue  # the other says so, too
             if left_out and f in ("edges of the mesh", "a capped dose"):
                 continue
-            if alone and f == "light that spreads":
+            if alone and f in ("light that spreads", "light that scatters"):
                 continue
             if f == "resin that ends" and "resin that lifts exchange" in self.features:
                 continue  # what comes from so far away has no part in the greatest dose
@@ -589,7 +615,7 @@ class Case:
             return
         told = json.loads(r.stdout)
         # What is left alone shines on, and where light spreads on its neighbours, too.
-        shines = {"light that spreads", "what is left alone"} <= self.features
+        shines = SPREAD & self.features and "what is left alone" in self.features
         if "a capped dose" in self.features and not self.left_out_cap and not shines:
             over = doses[design].max()
             # One step of levels more where the cap lies between two.
@@ -722,6 +748,8 @@ class Case:
     def room(self, brute, heights_um, doses):
         """By how much a dose that is told may be off."""
         room = TOLERANCE * np.maximum(doses, 0.05)
+        if brute.scatter:
+            room = room + (SCATTER_TOLERANCE + brute.layerwise * SCATTER_LAYERWISE) * doses.max()
         if "light that spreads" in self.features and brute.uv is not None:
             room = room + UV_TOLERANCE * brute.doses(heights_um, uv=False)
         return room
@@ -745,7 +773,7 @@ class Case:
             room = self.room(brute, heights, near)[:, y]
             near = near[:, y]
             for x in range(WIDTH):
-                at = slice(max(x - 1, 0), x + 2) if "light that spreads" in self.features else slice(x, x + 1)
+                at = slice(max(x - 1, 0), x + 2) if SPREAD & self.features else slice(x, x + 1)
                 if (near > 1 + room)[:, at].all() or (near < 1 - room)[:, at].all():
                     colour = tuple(picture[row, x * across])
                     seen.setdefault(colour, set()).add(bool(near[0, at].min() > 1))
@@ -764,6 +792,11 @@ class Case:
         self.compare(brute, f"probe at {x}, {y}", z + 1e-9, told, (y, x))
         if HEIGHTS & self.features:
             return  # not followed in time
+        if brute.scatter:
+            refused = self.run("slicecorr", "simulate", "stack.uvj", "--x", x, "--y", y, "-o", "column.svg")
+            if refused.returncode != 2 or "scatter_um2_per_um" not in refused.stderr:
+                self.fault(f"simulate: exit code {refused.returncode} in place of 2: {refused.stderr[-300:]}")
+            return
         end_s = json.loads(self.run("slicecorr", "info", "stack.uvj", "--json", "-").stdout)["light_s"]
         end = self.run("slicecorr", "simulate", "stack.uvj", "--x", x, "--y", y, "--times-s", repr(end_s),
                        "--dose-csv", "dose.csv", "-o", "column.svg")

@@ -308,8 +308,18 @@ TEST(SpreadVerify, Refusals) {
   EXPECT_NE(why(s).find("are sigmas in um?"), std::string::npos) << why(s);
   s = setup(3, 0.02, 24, 24);
   s.resin.scatter_um2_per_um = 0.1;
+  s.printer.platform_reflectance = 0.2;
+  EXPECT_NE(why(s).find("scatters on a longer way"), std::string::npos) << why(s);
+  s.printer.platform_reflectance = 0;
+  s.process.layer_heights_um = {40, 50};
+  EXPECT_NE(why(s).find("layers differ in height"), std::string::npos) << why(s);
+  s.process.layer_heights_um.clear();
+  s.process.mode = ExposureMode::layerwise;
+  s.process.exposure_s = 3;
+  s.process.lifts = Lifts::each;
+  s.process.lift_exchange = 0.5;
   s.printer.resin_depth_um = 3000;
-  EXPECT_NE(why(s).find("ends"), std::string::npos) << why(s);
+  EXPECT_NE(why(s).find("lifts exchange resin"), std::string::npos) << why(s);
 }
 
 }  // namespace

@@ -63,6 +63,11 @@ CoupledOptions options_of(int rounds, const PlacePlans& plans, const DoseTarget*
   return options;
 }
 
+CoupledOptions with_distances(CoupledOptions options, const SpreadLight& light) {
+  if (!light.distances().empty()) options.distances = &light.distances();
+  return options;
+}
+
 }  // namespace
 
 TogetherCorrected::TogetherCorrected(const SliceSource& target, const PlacePlans& plans, int rounds,
@@ -71,7 +76,7 @@ TogetherCorrected::TogetherCorrected(const SliceSource& target, const PlacePlans
     : plans_(plans),
       light_(plans.models(), target.grid(), target.frame()),
       coupled_(base_plan(plans), light_.blur(), light_.scatter(), target.bounds(), light_.display(),
-               options_of(rounds, plans, target.doses(), scratch_folder)) {
+               with_distances(options_of(rounds, plans, target.doses(), scratch_folder), light_)) {
   CoupledCorrection::ColumnLevels alone;
   if (!plans.even() || target.doses()) {
     alone = [&](const PixelBox& box) {

@@ -58,10 +58,11 @@ CoupledCorrection::CoupledCorrection(const CorrectionPlan& columns, const LightB
                                      const PixelBox& display, const CoupledOptions& options)
     : plan_(columns, blur, scatter, display, options.margin, options.shares),
       options_(options),
-      bounds_(common(bounds, display)),
-      box_(common(
-          PatchPlace::grown(bounds_, plan_.reach_x + plan_.halo_x, plan_.reach_y + plan_.halo_y),
-          display)) {
+      bounds_(common(bounds, display)) {
+  if (options.distances) plan_.scatter_by(*options.distances);
+  box_ =
+      common(PatchPlace::grown(bounds_, plan_.reach_x + plan_.halo_x, plan_.reach_y + plan_.halo_y),
+             display);
   plan_.hands_on = plan_.hands_on && options.hand_on;
   if (options.uv.shares) plan_.differ(options.uv);
   if (options.doses) plan_.want(*options.doses);

@@ -57,6 +57,8 @@ struct CoupledOptions {
   std::size_t memory_bytes = std::size_t{64} << 20;
   std::string scratch_folder = {};
   UnevenUv uv{};  ///< under UV light alone
+  const std::vector<DistanceBlur>* distances =
+      nullptr;  ///< see `CoupledPlan::distances`; must outlive the correction
 };
 
 /// What is wrong after a round; round 0: the columns alone.

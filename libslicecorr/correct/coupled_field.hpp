@@ -16,6 +16,7 @@
 #include <cstring>
 #include <deque>
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "correct/coupled_kernels.hpp"
@@ -183,6 +184,8 @@ class PatchField {
     std::uint8_t level;
   };
 
+  PatchField(const PatchField&) = delete;
+  PatchField& operator=(const PatchField&) = delete;
   PatchField(const CoupledPlan& plan, const PixelBox& watched)
       : plan_(plan),
         place_(plan, watched),
@@ -190,7 +193,7 @@ class PatchField {
         shine_(place_.size(), 0),
         dose_(place_.size(), 0),
         seen_(plan.m == 1 && plan.bath == 0 ? 0 : place_.size(), 0),
-        scattered_(plan.scatter.none() ? 0 : place_.size(), 0),
+        scattered_(plan.scatters() ? place_.size() : 0, 0),
         levels_(place_.size(), 0) {
     const PixelBox lit = PatchPlace::common(place_.shown, plan.display);
     share_ = intensity_shares(plan, place_, lit);
@@ -200,6 +203,7 @@ class PatchField {
       }
     }
     blur_all();
+    if (plan.distances) sum_by_distance(lit);
     across_ = static_cast<int>(place_.stride) / kSquare;
     const int down = static_cast<int>(place_.rows) / kSquare;
     squares_.resize(static_cast<std::size_t>(across_) * static_cast<std::size_t>(down));
@@ -269,6 +273,7 @@ class PatchField {
   /// To be called first for each slice. Scatter takes place here.
   void begin(int slice) {
     if (plan_.bath > 0) pass_bath(slice);
+    if (sums_) pass_image(slice);
     slice_ = slice;
     guides_stepped_ = false;
     // From here on each slice has factors of its own.
@@ -277,10 +282,13 @@ class PatchField {
     }
     expose(plan_.ratio(slice));
     if (scattered_.empty()) return;
-    const auto width = static_cast<std::size_t>(place_.watched.width());
-    field_.resize(width * static_cast<std::size_t>(place_.watched.height()));
-    copy_watched(dose_, [](Real& from, double& to) { to = from; });
-    plan_.scatter.apply(field_.data(), place_.watched);
+    if (sums_) {
+      field_ = sums_->next();
+    } else {
+      field_.resize(pixels_of(place_.watched));
+      copy_watched(dose_, [](Real& from, double& to) { to = from; });
+      plan_.scatter.apply(field_.data(), place_.watched);
+    }
     copy_watched(scattered_, [](Real& to, double& from) { to = static_cast<Real>(from); });
   }
   /// From now on slices are exposed `ratio` times as long as normal ones.
@@ -447,6 +455,33 @@ class PatchField {
     if (held_.size() > bath) held_.pop_back();
     if (held_.size() == bath) leaving_ = held_.back();
   }
+  /// Light of each distance, which shines from the pixels of `lit`.
+  void sum_by_distance(const PixelBox& lit) {
+    sums_.emplace(
+        *plan_.distances,
+        DistanceSums::Scene{
+            place_.watched, lit, lit, plan_.a, plan_.m, plan_.b,
+            [this, lit](const DistanceSums::Image* image, const PixelBox& box, double* light) {
+              for (int y = box.y0; y < box.y1; ++y) {
+                for (int x = box.x0; x < box.x1; ++x) {
+                  const int level = image ? (*image)[index_in(lit, x, y)] : 0;
+                  *light++ =
+                      plan_.shine_of[static_cast<std::size_t>(level)] * share_at(place_.at(x, y));
+                }
+              }
+            }});
+    image_.resize(pixels_of(lit));
+    lit_ = lit;
+  }
+  /// Keeps what the slice before `slice` shows.
+  void pass_image(int slice) {
+    if (slice + 1 == plan_.slices) return;
+    std::size_t k = 0;
+    for (int y = lit_.y0; y < lit_.y1; ++y) {
+      for (int x = lit_.x0; x < lit_.x1; ++x) image_[k++] = levels_[place_.at(x, y)];
+    }
+    sums_->add({{std::make_shared<const DistanceSums::Image>(image_), ratio_}});
+  }
   void blur_all() {
     const auto width = static_cast<std::size_t>(place_.shown.width());
     std::vector<double> in(width * static_cast<std::size_t>(place_.shown.height())), out(in.size());
@@ -480,6 +515,10 @@ class PatchField {
   /// Where the bath ends: the light of the slices that are in it, the last one first.
   std::deque<std::shared_ptr<const std::vector<Real>>> held_;
   std::vector<double> field_;
+  /// Where light scatters by distance: the light of the slices that have been, and the one that was.
+  std::optional<DistanceSums> sums_;
+  PixelBox lit_{};
+  DistanceSums::Image image_;
 };
 
 template <>

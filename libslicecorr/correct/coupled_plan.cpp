@@ -33,10 +33,15 @@ constexpr double kEdgeShare = 1e-4;
 /// What lies in the middle of a box that is lit on some sides of it only.
 class LitPart {
  public:
-  LitPart(const CureModel& model, const LightBlur& blur, const SliceScatter& scatter)
-      : model_(model), blur_(blur), scatter_(scatter) {
-    const int x = blur.reach_x() + scatter.halo_x(model.a, kEdgeShare),
-              y = blur.reach_y() + scatter.halo_y(model.a, kEdgeShare);
+  LitPart(const CureModel& model, const LightBlur& blur, const SliceScatter& scatter,
+          const std::vector<DistanceBlur>& distances)
+      : model_(model), blur_(blur), scatter_(scatter), distances_(distances) {
+    int x = blur.reach_x() + scatter.halo_x(model.a, kEdgeShare),
+        y = blur.reach_y() + scatter.halo_y(model.a, kEdgeShare);
+    for (const DistanceBlur& d : distances) {
+      x = std::max(x, d.blur.reach_x());
+      y = std::max(y, d.blur.reach_y());
+    }
     box_ = {-x, -y, x + 1, y + 1};
   }
   /// Slices of full light, `most` at the most, after which the pixel in the middle gels; `lit` tells
@@ -50,6 +55,7 @@ class LitPart {
     for (int y = box_.y0; y < box_.y1; ++y) {
       for (int x = box_.x0; x < box_.x1; ++x) shown.push_back(lit(x, y) ? full : black);
     }
+    if (!distances_.empty()) return slices_to_gel_by_distance(most, shown);
     light = shown;
     if (!blur_.none()) blur_.apply(shown.data(), box_, light.data(), box_);
     for (double& v : light) v = m == 1 ? v : std::pow(std::max(0.0, v), m);
@@ -72,9 +78,29 @@ class LitPart {
   }
 
  private:
+  int slices_to_gel_by_distance(int most, const std::vector<double>& shown) const {
+    const PixelBox middle{0, 0, 1, 1};
+    double dose = 0, all = 0;
+    int gels = 0;
+    for (const DistanceBlur& d : distances_) {
+      double light = 0;
+      d.blur.apply(shown.data(), box_, &light, middle);
+      light = std::pow(std::max(0.0, light), model_.m);
+      const double left = std::pow(model_.a, d.from);
+      all += light * (d.to == kNoEnd ? left : left - std::pow(model_.a, d.to));
+      for (int j = d.from; j < std::min(d.to, most) && gels == 0; ++j) {
+        dose += model_.one_minus_a * std::pow(model_.a, j) * light;
+        if (dose >= 1) gels = j + 1;
+      }
+    }
+    if (all <= 1) return 0;
+    return gels > 0 ? gels : most;
+  }
+
   const CureModel& model_;
   const LightBlur& blur_;
   const SliceScatter& scatter_;
+  const std::vector<DistanceBlur>& distances_;
   PixelBox box_;
 };
 
@@ -85,12 +111,13 @@ int padded(int n) { return (n + kTapLanes - 1) / kTapLanes * kTapLanes; }
 bool can_couple(const CureModel& model) { return !model.inhibited() || can_couple_under_uv(model); }
 
 int slices_to_gel_at_edges(const CureModel& model, const LightBlur& blur,
-                           const SliceScatter& scatter) {
+                           const SliceScatter& scatter,
+                           const std::vector<DistanceBlur>& distances) {
   const int least = model.slices_to_gel();
-  if (blur.none() && scatter.none()) return least;
+  if (blur.none() && scatter.none() && distances.empty()) return least;
   const int most = std::max(
       least, static_cast<int>(std::ceil(1 / model.eta_of(std::numeric_limits<int>::max()))));
-  const LitPart part(model, blur, scatter);
+  const LitPart part(model, blur, scatter, distances);
   int corners = 0, edges = 0;
   for (const int sx : {-1, 1}) {
     for (const int sy : {-1, 1}) {
@@ -109,6 +136,19 @@ void CoupledPlan::want(const DoseTarget& its_doses) {
   if (!wants) return;
   doses = &its_doses;
   wants = std::make_shared<const CoupledColumns>(columns, most_dose(), uv.most);
+}
+
+void CoupledPlan::scatter_by(const std::vector<DistanceBlur>& its_distances) {
+  distances = &its_distances;
+  // The sums end where the bath does.
+  bath = 0;
+  beyond = 0;
+  for (const DistanceBlur& d : its_distances) {
+    halo_x = std::max(halo_x, d.blur.reach_x() - reach_x);
+    halo_y = std::max(halo_y, d.blur.reach_y() - reach_y);
+  }
+  overlap_x = std::max(overlap_x, reach_x + halo_x / 2);
+  overlap_y = std::max(overlap_y, reach_y + halo_y / 2);
 }
 
 void CoupledPlan::differ(UnevenUv its_uv) {

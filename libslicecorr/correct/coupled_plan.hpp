@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "correct/coupled_columns.hpp"
+#include "cure/distance_sums.hpp"
 #include "cure/light_spread.hpp"
 #include "slicecorr/correct.hpp"
 #include "slicecorr/dose_target.hpp"
@@ -47,6 +48,8 @@ struct CoupledPlan {
   std::shared_ptr<const CoupledColumns> wants;
   const LightBlur& blur;
   const SliceScatter& scatter;
+  /// How the light of each distance spreads where doses do not follow from slice to slice; null: they do.
+  const std::vector<DistanceBlur>* distances = nullptr;
   PixelBox display;
   LightShares shares;
   int slices, layers;
@@ -109,6 +112,10 @@ struct CoupledPlan {
   const DoseTarget* doses = nullptr;
   /// Lets columns that are solved again want doses; these must outlive the plan.
   void want(const DoseTarget& its_doses);
+  /// Lets light scatter by distances, which must outlive the plan; `light_blur` is that of the first, and
+  /// `slice_scatter` none.
+  void scatter_by(const std::vector<DistanceBlur>& its_distances);
+  bool scatters() const { return distances || !scatter.none(); }
   /// Lets UV light differ from place to place.
   void differ(UnevenUv its_uv);
   UnevenUv uv{};
@@ -142,7 +149,9 @@ struct CoupledPlan {
 /// Slices after the last layer of a part in which its corners cure, which get a part of the light
 /// only; where full light does not do for them, its straight edges. At least `slices_to_gel`, and
 /// no more than there are in an absorbance height, from beyond which a tenth of the light is left.
+/// `distances` as `CoupledPlan::distances`, empty: doses follow from slice to slice.
 int slices_to_gel_at_edges(const CureModel& model, const LightBlur& blur,
-                           const SliceScatter& scatter);
+                           const SliceScatter& scatter,
+                           const std::vector<DistanceBlur>& distances = {});
 
 }  // namespace slicecorr::detail

@@ -16,6 +16,7 @@
 #pragma once
 
 #include <cstddef>
+#include <limits>
 #include <vector>
 
 #include "slicecorr/grid.hpp"
@@ -130,6 +131,23 @@ struct ScatterWay {
 /// has its pixels in it, the variance of the own slice is added alone. A few weights may be below 0.
 LightBlur scattering_blur(const LightSpread& spread, const ScatterWay& way,
                           const Turn& to_display = {});
+
+/// How the light of slices at some distances spreads on its way to a node: those from `from` slices
+/// further on (0: the node's own) up to `to` slices, exclusive.
+struct DistanceBlur {
+  int from = 0, to = 0;
+  LightBlur blur{};
+};
+
+/// The kernel by depth of a resin that scatters, where doses do not follow from slice to slice: light
+/// that has come through d um is G0 and a Gaussian of kappa d, integrated over pixels, and what the
+/// slices of a distance give is that of their depths, weighted as light fades. Distances share a kernel where
+/// that changes doses by 2e-3 at the most. The first is
+/// a slice's own, and each begins where the one before it ends. `bath`: slices from which no light comes
+/// any more; 0: there is no end, and the last distance has none (`kNoEnd`). Empty without scatter.
+inline constexpr int kNoEnd = std::numeric_limits<int>::max();
+std::vector<DistanceBlur> distance_blurs(const LightSpread& spread, const ScatterWay& way, int bath,
+                                         const Turn& to_display = {});
 
 /// The relative dose over `window` of linear light (m = 1), slice by slice from the last to the
 /// first. For one thread at a time; spread and scatter must outlive it.

@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "cure/walkers.hpp"
 #include "slicecorr/error.hpp"
@@ -89,75 +90,30 @@ SpreadLight::SpreadLight(const PlaceModels& models, const Grid& grid, const Imag
   const CureModel& model = models.brightest();
   if (!model.inhibited() && printer.spread.none() && resin.scatter_um2_per_um == 0) return;
   const Grid images = images_of(printer, frame);
-  blur_ = scattering_blur(
-      printer.spread,
-      {resin.scatter_um2_per_um, model.layer_um / (model.eta * units::kLn10), model.layer_um,
-       model.mode == ExposureMode::layerwise, images.pixel_x_um, images.pixel_y_um},
-      turn_to_display(frame, printer));
-  scatter_ =
-      SliceScatter(resin.scatter_um2_per_um, model.layer_um, images.pixel_x_um, images.pixel_y_um);
+  const ScatterWay way{resin.scatter_um2_per_um, model.layer_um / (model.eta * units::kLn10),
+                       model.layer_um,           model.mode == ExposureMode::layerwise,
+                       images.pixel_x_um,        images.pixel_y_um};
+  const Turn to_display = turn_to_display(frame, printer);
+  if (way.um2_per_um > 0) {
+    scatter_in(model, way, to_display);
+  } else {
+    blur_ = LightBlur(printer.spread, images.pixel_x_um, images.pixel_y_um, to_display);
+  }
   if (model.inhibited()) {
-    if (!scatter_.none()) {
-      refuse(fmt::format(
-          "resin '{}' has scatter_um2_per_um, and UV light is on; expected one of both: scattered "
-          "light under UV light does not add up from slice to slice",
-          resin.name));
-    }
     if (uv_spreads && !model.inhibited()->uv_levels().empty()) {
-      uv_blur_ = LightBlur(printer.uv->spread, images.pixel_x_um, images.pixel_y_um,
-                           turn_to_display(frame, printer));
+      uv_blur_ = LightBlur(printer.uv->spread, images.pixel_x_um, images.pixel_y_um, to_display);
     }
     if (!none()) {
       const double full = level_intensities(models.printer_at(models.map().greatest())).back();
-      by_front_ = model;
+      own_model_ = model;
       // Fronts go by the ratio of both lights.
       if (model.inhibited()->gap_um() > 0) {
-        by_front_->law = UnderUv{by_light(models)};
+        own_model_->law = UnderUv{by_light(models)};
         return;
       }
-      by_front_->law =
+      own_model_->law =
           UnderUv{model.inhibited()->by_front(kDimmest * full / most_uv_share(models))};
     }
-  }
-  if (!scatter_.none()) {
-    if (model.gel_time()) {
-      refuse(fmt::format(
-          "resin '{}' has scatter_um2_per_um and model \"gel-time\"; expected one of both: "
-          "scattered light of such resins does not add up from slice to slice",
-          resin.name));
-    }
-    if (model.bleaching()) {
-      refuse(fmt::format(
-          "resin '{}' has scatter_um2_per_um and [bleaching]; expected one of both: scattered light "
-          "of such resins does not add up from slice to slice",
-          resin.name));
-    }
-    if (model.m != 1.0) {
-      refuse(
-          fmt::format("resin '{}' has scatter_um2_per_um and an exponent m of {:g}; expected 1: "
-                      "scattered light of other resins does not add up from slice to slice",
-                      resin.name, model.m));
-    }
-    if (model.bath_slices > 0) {
-      refuse(
-          fmt::format("resin '{}' has scatter_um2_per_um, and the resin in the vat ends; "
-                      "expected one of both",
-                      resin.name));
-    }
-    if (model.mirrored_slices > 0) {
-      refuse(
-          fmt::format("resin '{}' has scatter_um2_per_um, and the platform sends light back, which "
-                      "scatters on a longer way; expected one of both",
-                      resin.name));
-    }
-    if (!model.heights.alike()) {
-      refuse(fmt::format(
-          "resin '{}' has scatter_um2_per_um, and layers differ in height, of which each would "
-          "scatter by weights of its own; expected one of both",
-          resin.name));
-    }
-    halo_x_ = scatter_.halo_x(model.a, kShareLeftOut);
-    halo_y_ = scatter_.halo_y(model.a, kShareLeftOut);
   }
   if (reach_x() >= grid.width_px || reach_y() >= grid.height_px) {
     refuse(fmt::format(
@@ -167,13 +123,36 @@ SpreadLight::SpreadLight(const PlaceModels& models, const Grid& grid, const Imag
   }
 }
 
+/// The spread of light that scatters; with what it goes, `check_supported` has asked.
+void SpreadLight::scatter_in(const CureModel& model, const ScatterWay& way,
+                             const Turn& to_display) {
+  const LightSpread& spread = models_.printer().spread;
+  if (model.m == 1.0 && model.bath_slices == 0) {
+    blur_ = scattering_blur(spread, way, to_display);
+    scatter_ = SliceScatter(way.um2_per_um, way.slice_um, way.pixel_x_um, way.pixel_y_um);
+    halo_x_ = scatter_.halo_x(model.a, kShareLeftOut);
+    halo_y_ = scatter_.halo_y(model.a, kShareLeftOut);
+    return;
+  }
+  distances_ = distance_blurs(spread, way, model.bath_slices, to_display);
+  blur_ = distances_.front().blur;
+  for (const DistanceBlur& d : distances_) {
+    halo_x_ = std::max(halo_x_, d.blur.reach_x() - blur_.reach_x());
+    halo_y_ = std::max(halo_y_, d.blur.reach_y() - blur_.reach_y());
+  }
+  if (model.bath_slices == 0) return;
+  own_model_ = model;
+  own_model_->bath_slices = 0;
+  own_model_->beyond = 0;
+}
+
 PixelBox SpreadLight::grown(const PixelBox& box, int x, int y) const {
   if (box.empty()) return box;
   return common({box.x0 - x, box.y0 - y, box.x1 + x, box.y1 + y}, display_);
 }
 
 std::optional<FinestWidths> SpreadLight::finest() const {
-  const CureModel& m = model();
+  const CureModel& m = models_.brightest();
   if (m.inhibited() || m.gel_time()) return std::nullopt;
   const LightSpread& spread = models_.printer().spread;
   const bool layerwise = m.mode == ExposureMode::layerwise;
@@ -200,12 +179,26 @@ SpreadBand::SpreadBand(const SpreadLight& light, const SliceSource& stack,
                        const std::vector<Pixel>& places)
     : light_(light),
       slices_(slices),
-      field_(light.grown(window, light.halo_x_, light.halo_y_)),
+      // Light of all distances comes to the window itself, what has scattered from slice to slice does not.
+      field_(light.distances_.empty() ? light.grown(window, light.halo_x_, light.halo_y_)
+                                      : light.grown(window, 0, 0)),
       shown_(common(light.around(window), stack.bounds())),
       coded_(coded_band_of(stack, shown_)),
       images_(slices, coded_) {
   for (const Pixel& place : places) columns_.push_back(index(field_, place));
-  if (!light.scatter_.none()) dose_.assign(columns_of(field_), 0.0);
+  if (!light.scatter_.none() || !light.distances_.empty()) dose_.assign(columns_of(field_), 0.0);
+  if (!light.distances_.empty()) {
+    const CureModel& model = light.model();
+    const bool layerwise = model.mode == ExposureMode::layerwise;
+    sums_.emplace(light.distances_,
+                  DistanceSums::Scene{
+                      field_, shown_, light.display_, model.a, model.m,
+                      layerwise ? model.a : model.one_minus_a,
+                      [this](const DistanceSums::Image* image, const PixelBox& box, double* out) {
+                        shine_in(image ? image->data() : nullptr, box, &SpreadBand::intensities, 0,
+                                 out);
+                      }});
+  }
   dark_.resize(columns_of(field_));
   blur(nullptr, field_, dark_);
 }
@@ -280,27 +273,8 @@ void SpreadBand::blur(const std::uint8_t* pixels, const PixelBox& to, std::vecto
 void SpreadBand::blur(const std::uint8_t* pixels, const PixelBox& to, const LightBlur& spread,
                       Shine shine, int setting, std::vector<double>& field) {
   const PixelBox from = light_.grown(to, spread.reach_x(), spread.reach_y());
-  const LightMap& map = light_.models_.map();
-  const auto width = static_cast<std::size_t>(from.width());
   in_.resize(columns_of(from));
-  std::vector<std::uint8_t> row(width), places(width, map.reference());
-  for (int y = from.y0; y < from.y1; ++y) {
-    std::fill(row.begin(), row.end(), std::uint8_t{0});
-    const PixelBox line = common({from.x0, y, from.x1, y + 1}, shown_);
-    if (pixels && !line.empty()) {
-      std::copy_n(pixels + static_cast<std::ptrdiff_t>(y - shown_.y0) * shown_.width() +
-                      (line.x0 - shown_.x0),
-                  line.width(), row.begin() + (line.x0 - from.x0));
-    }
-    double* const out = in_.data() + static_cast<std::size_t>(y - from.y0) * width;
-    if (map.even()) {
-      const double* const of = (this->*shine)(map.reference(), setting).data();
-      for (std::size_t i = 0; i < width; ++i) out[i] = of[row[i]];
-    } else {
-      map.values({from.x0, y, from.x1, y + 1}, places.data());
-      for (std::size_t i = 0; i < width; ++i) out[i] = (this->*shine)(places[i], setting)[row[i]];
-    }
-  }
+  shine_in(pixels, from, shine, setting, in_.data());
   out_.resize(columns_of(to));
   spread.apply(in_.data(), from, out_.data(), to);
   if (const GelTimeKernel* const kernel = light_.model().gel_time()) {
@@ -311,11 +285,36 @@ void SpreadBand::blur(const std::uint8_t* pixels, const PixelBox& to, const Ligh
   copy_common(out_, to, field, field_);
 }
 
+void SpreadBand::shine_in(const std::uint8_t* pixels, const PixelBox& box, Shine shine, int setting,
+                          double* light) {
+  const LightMap& map = light_.models_.map();
+  const auto width = static_cast<std::size_t>(box.width());
+  std::vector<std::uint8_t> row(width), places(width, map.reference());
+  for (int y = box.y0; y < box.y1; ++y) {
+    std::fill(row.begin(), row.end(), std::uint8_t{0});
+    const PixelBox line = common({box.x0, y, box.x1, y + 1}, shown_);
+    if (pixels && !line.empty()) {
+      std::copy_n(pixels + static_cast<std::ptrdiff_t>(y - shown_.y0) * shown_.width() +
+                      (line.x0 - shown_.x0),
+                  line.width(), row.begin() + (line.x0 - box.x0));
+    }
+    double* const out = light + static_cast<std::size_t>(y - box.y0) * width;
+    if (map.even()) {
+      const double* const of = (this->*shine)(map.reference(), setting).data();
+      for (std::size_t i = 0; i < width; ++i) out[i] = of[row[i]];
+    } else {
+      map.values({box.x0, y, box.x1, y + 1}, places.data());
+      for (std::size_t i = 0; i < width; ++i) out[i] = (this->*shine)(places[i], setting)[row[i]];
+    }
+  }
+}
+
 void SpreadBand::show(const std::uint8_t* pixels, Shown& out) {
   const std::size_t size = columns_of(shown_);
   // Walls go straight down: images are often the same again.
   if (!out.field.empty() && std::equal(out.pixels.begin(), out.pixels.end(), pixels)) return;
   out.pixels.assign(pixels, pixels + size);
+  if (sums_) out.image = std::make_shared<const DistanceSums::Image>(out.pixels);
   out.field = dark_;
   const PixelBox lit = lit_box(pixels);
   const LightBlur& spread = light_.blur_;
@@ -375,8 +374,12 @@ const double* SpreadBand::of_columns(const std::vector<double>& field,
 
 void SpreadBand::scatter(int slice) {
   const CureModel& model = light_.model();
-  scattered_ = dose_;
-  light_.scatter_.apply(scattered_.data(), field_);
+  if (sums_) {
+    scattered_ = sums_->next();
+  } else {
+    scattered_ = dose_;
+    light_.scatter_.apply(scattered_.data(), field_);
+  }
   const bool layerwise = model.mode == ExposureMode::layerwise;
   const double gain = (layerwise ? 1.0 : model.a / model.one_minus_a) / model.ratio(slice);
   const double per_phi = (layerwise ? model.a : model.one_minus_a) * model.ratio(slice);
@@ -385,12 +388,16 @@ void SpreadBand::scatter(int slice) {
     gained_[i] = gain * (scattered_[i] - dose_[i]);
     dose_[i] = model.a * scattered_[i];
   }
+  std::vector<DistanceSums::Lit> lit;
   for (std::size_t k = 0; k < showings_.size(); ++k) {
     const double weight = per_phi * showings_[k].light;
+    lit.push_back({kept_[k].image, model.ratio(slice) * showings_[k].light});
     const std::vector<double>& field = kept_[k].field;
     for (std::size_t i = 0; i < dose_.size(); ++i) dose_[i] += weight * field[i];
   }
+  if (sums_) sums_->add(std::move(lit));
   ImageShowing gained;
+  gained.setting = kNoExposure;
   gained.phi = of_columns(gained_, gained_of_columns_);
   showings_.push_back(gained);
 }
@@ -423,7 +430,7 @@ std::span<const ImageShowing> SpreadBand::of(int slice) {
     showing.pixels = nullptr;
     showing.phi = of_columns(kept_[k].field, kept_[k].phi);
   }
-  if (!light_.scatter_.none()) scatter(slice);
+  if (!dose_.empty()) scatter(slice);
   return showings_;
 }
 

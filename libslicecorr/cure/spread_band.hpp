@@ -9,11 +9,13 @@
 #include <array>
 #include <cstdint>
 #include <map>
+#include <memory>
 #include <optional>
 #include <span>
 #include <vector>
 
 #include "base/coded_band.hpp"
+#include "cure/distance_sums.hpp"
 #include "cure/light_spread.hpp"
 #include "cure/shown_slices.hpp"
 #include "slicecorr/dose.hpp"
@@ -25,6 +27,9 @@ namespace slicecorr::detail {
 /// Under UV light, light dimmer than this share of full light has the front of light that is not.
 inline constexpr double kDimmest = 1e-7;
 
+/// The setting of what light from beside adds to a column's own where it scatters: it is no exposure.
+inline constexpr int kNoExposure = -1;
+
 /// What places of a value of light get of the UV light of those that get the least, and the most of it; 1 where
 /// UV light is even.
 double uv_share(const PlaceModels& models, std::uint8_t value);
@@ -35,13 +40,13 @@ double most_uv_share(const PlaceModels& models);
 class SpreadLight {
  public:
   /// Of the models' printer and resin, for images of `grid` that lie like `frame`. `models` must
-  /// outlive this. Throws `InputError`
-  /// where what spreads can't be counted: scatter under UV light, in
-  /// a resin whose exponent m is not 1 or that has a time to gel, that ends, or below a platform that sends light back; a spread that reaches further than the images are wide or high.
+  /// outlive this. Throws `InputError` where the spread reaches further than the images are wide or high.
   SpreadLight(const PlaceModels& models, const Grid& grid, const ImageFrame& frame);
 
   /// Light stays where it is.
-  bool none() const { return blur_.none() && scatter_.none() && uv_blur_.none(); }
+  bool none() const {
+    return blur_.none() && scatter_.none() && uv_blur_.none() && distances_.empty();
+  }
   /// Light from further away than this many pixels changes no dose, or by less than 1e-6 of it.
   int reach_x() const { return std::max(blur_.reach_x(), uv_blur_.reach_x()) + halo_x_; }
   int reach_y() const { return std::max(blur_.reach_y(), uv_blur_.reach_y()) + halo_y_; }
@@ -51,26 +56,33 @@ class SpreadLight {
   const LightBlur& blur() const { return blur_; }
   /// The spread of the images of a patterned UV lamp.
   const LightBlur& uv_blur() const { return uv_blur_; }
+  /// None where `distances` says how light scatters.
   const SliceScatter& scatter() const { return scatter_; }
+  /// How the light of each distance spreads where it scatters and doses do not follow from slice to slice,
+  /// as m is not 1 or the bath ends; else empty. `blur` is then that of the first.
+  const std::vector<DistanceBlur>& distances() const { return distances_; }
   /// All pixels; beyond them it is dark.
   const PixelBox& display() const { return display_; }
   /// The finest line and gap, along the better of the display's axes; nothing where all light of the
   /// printer stays where it is.
   std::optional<FinestWidths> finest() const;
   /// The model of all columns: what they get is no longer what their own place of the display gives.
-  /// Under UV light its kernel is by fronts.
-  const CureModel& model() const { return by_front_ ? *by_front_ : models_.brightest(); }
-  bool under_uv() const { return by_front_.has_value(); }
+  /// Under UV light its kernel is by fronts; with `distances` its bath has no end, as what the columns
+  /// get says it already.
+  const CureModel& model() const { return own_model_ ? *own_model_ : models_.brightest(); }
+  bool under_uv() const { return model().inhibited() && own_model_; }
 
  private:
   friend class SpreadBand;
   PixelBox grown(const PixelBox& box, int x, int y) const;
+  void scatter_in(const CureModel& model, const ScatterWay& way, const Turn& to_display);
 
   const PlaceModels& models_;
   PixelBox display_;
-  std::optional<CureModel> by_front_;  ///< where light spreads under UV light
+  std::optional<CureModel> own_model_;  ///< see `model`; nothing: that of the brightest place
   LightBlur blur_, uv_blur_;
   SliceScatter scatter_;
+  std::vector<DistanceBlur> distances_;
   int halo_x_ = 0, halo_y_ = 0;  ///< so far around a window doses matter, because they scatter
 };
 
@@ -100,10 +112,14 @@ class SpreadBand {
     int setting = -1;
     std::vector<double> uv;  ///< over `field_`, mW/cm², as `field` is then
     std::vector<FrontLight> fronts;
-    std::vector<std::uint8_t> own;  ///< their pixels
+    std::vector<std::uint8_t> own;                     ///< their pixels
+    std::shared_ptr<const DistanceSums::Image> image;  ///< `pixels`, for `sums_`
   };
   /// What pixels of a value shine with, at a place of the display.
   using Shine = const std::vector<double>& (SpreadBand::*)(std::uint8_t place, int setting);
+  /// What the pixels of `box` shine when an image over `shown_` is lit; null: black.
+  void shine_in(const std::uint8_t* pixels, const PixelBox& box, Shine shine, int setting,
+                double* light);
   void show(const std::uint8_t* pixels, Shown& out);
   void show_under_uv(const std::uint8_t* pixels, int setting, Shown& out);
   /// The pixels above black; empty: none.
@@ -137,6 +153,7 @@ class SpreadBand {
   std::vector<double> in_, out_;
   std::vector<Shown> kept_;                                            ///< by showing of the slice
   std::vector<double> dose_, scattered_, gained_, gained_of_columns_;  ///< where light scatters
+  std::optional<DistanceSums> sums_;
   std::vector<ImageShowing> showings_;
 };
 

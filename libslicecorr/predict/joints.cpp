@@ -9,6 +9,7 @@
 #include "base/kernels.hpp"
 #include "cure/margin.hpp"
 #include "cure/own_exposure.hpp"
+#include "cure/spread_band.hpp"
 #include "cure/walkers.hpp"
 #include "slicecorr/target.hpp"
 #include "slicecorr/units.hpp"
@@ -56,16 +57,28 @@ JointWalker::Own JointWalker::own_of(int slice, std::size_t column,
   return {own.greatest, own.joint, own.film};
 }
 
+void JointWalker::take_light(int slice, std::span<const ImageShowing> showings,
+                             std::vector<double>& light) const {
+  const double ratio = model_.ratio(slice);
+  for (std::size_t b = 0; b < light.size(); b += kBlock) {
+    const std::size_t n = std::min(kBlock, light.size() - b);
+    block_phi(curve_, showings, b, n, &light[b]);
+    for (std::size_t i = b; i < b + n; ++i) light[i] *= ratio;
+  }
+}
+
 void JointWalker::add_slice(int slice, std::span<const ImageShowing> showings,
                             const std::uint8_t* coverage, const std::uint8_t* heights,
                             bool at_heights) {
   if (!inhibited()) {
-    const double ratio = model_.ratio(slice);
-    for (std::size_t b = 0; b < phi_.size(); b += kBlock) {
-      const std::size_t n = std::min(kBlock, phi_.size() - b);
-      block_phi(curve_, showings, b, n, &phi_[b]);
-      for (std::size_t i = b; i < b + n; ++i) phi_[i] *= ratio;
+    from_beside_.clear();
+    // What light from beside adds comes last, where it scatters.
+    if (!showings.empty() && showings.back().setting == kNoExposure) {
+      from_beside_.resize(phi_.size());
+      take_light(slice, showings.last(1), from_beside_);
+      showings = showings.first(showings.size() - 1);
     }
+    take_light(slice, showings, phi_);
   }
   for (std::size_t i = 0; i < columns_.size(); ++i) {
     Column& c = columns_[i];
@@ -74,7 +87,8 @@ void JointWalker::add_slice(int slice, std::span<const ImageShowing> showings,
     const double far = brightest_[i];
     const double near = std::max(phi, far);
     brightest_[i] = near * model_.a_of(slice);
-    const double all_far = all_[i], all = phi + all_far;
+    const double beside = tells_edges_ && !from_beside_.empty() ? from_beside_[i] : 0.0;
+    const double all_far = all_[i], all = phi + beside + all_far;
     all_[i] = all * model_.a_of(slice);
     const bool full = coverage[i] == kWhole;
     if (!full) {

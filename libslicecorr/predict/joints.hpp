@@ -52,6 +52,8 @@ class JointWalker {
   };
   void join(const Own& own);
   Own own_of(int slice, std::size_t column, std::span<const ImageShowing> showings);
+  void take_light(int slice, std::span<const ImageShowing> showings,
+                  std::vector<double>& light) const;
   bool inhibited() const { return model_.inhibited() != nullptr; }
   void end_feature(Column& c);
   void begin_gap(Column& c, int node, double exchanged, std::uint8_t height);
@@ -71,7 +73,8 @@ class JointWalker {
   /// end.
   bool tells_edges_;
   std::optional<OwnDoses> under_uv_;
-  std::vector<double> phi_;  ///< of each column, with its exposure; without UV light
+  std::vector<double> phi_;          ///< of each column, with its exposure; without UV light
+  std::vector<double> from_beside_;  ///< what light from beside adds to that; empty: nothing
   std::vector<Column> columns_;
   /// The brightest exposure so far, at the window of the layer that comes next.
   std::vector<double> brightest_;

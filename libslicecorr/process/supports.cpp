@@ -157,6 +157,39 @@ constexpr Unsupported kTable[] = {
 #undef UNDER_UV
 #undef IN_HEIGHTS
 
+/// With what light that scatters in the resin does not go, beside what light that spreads does not. `in_bath`: in resin
+/// that ends.
+struct NotScattered {
+  Feature feature;
+  const char* words;
+  bool in_bath = false;
+};
+
+constexpr const char* kScatterUv =
+    "UV light is on; expected one of both: the front where both lights cancel lies elsewhere for the light of each "
+    "distance, which has spread by another width";
+constexpr const char* kScatterHeights =
+    "layers differ in height, of which each would scatter by weights of its own; expected one of both";
+
+constexpr NotScattered kNotScattered[] = {
+    {uv_constant, kScatterUv},
+    {uv_per_slice, kScatterUv},
+    {uv_patterned, kScatterUv},
+    {even_dead_zone, kScatterUv},
+    {gel_time,
+     "model \"gel-time\"; expected one of both: scattered light of such resins does not add up from slice to slice"},
+    {bleaching,
+     "[bleaching]; expected one of both: scattered light of such resins does not add up from slice to slice"},
+    {reflectance,
+     "the platform sends light back, which scatters on a longer way; expected one of both"},
+    {own_heights, kScatterHeights},
+    {moved_heights, kScatterHeights},
+    {exchange,
+     "lifts exchange resin in a vat that ends: what lifts leave of light that came from beside is not followed to its "
+     "end; expected no lift_exchange, no depth or no scatter",
+     true},
+};
+
 std::string with_names(std::string text, const std::string& printer, const std::string& resin) {
   for (const auto& [mark, name] :
        {std::pair<std::string_view, const std::string&>{"{printer}", printer},
@@ -231,15 +264,33 @@ void check_supported(std::span<const Feature> features, const std::string& print
   }
 }
 
+namespace {
+
+void check_scatter(std::span<const Feature> features, const Printer& printer, const Resin& resin) {
+  if (!(resin.scatter_um2_per_um > 0)) return;
+  for (const NotScattered& it : kNotScattered) {
+    if ((it.in_bath && !(printer.resin_depth_um > 0)) ||
+        std::find(features.begin(), features.end(), it.feature) == features.end()) {
+      continue;
+    }
+    throw InputError("resin '" + resin.name + "' has scatter_um2_per_um, and " + it.words);
+  }
+}
+
+}  // namespace
+
 void check_supported(const Printer& printer, const Resin& resin, const Process& process) {
   check_same_unit(printer, resin);
-  check_supported(features_of(printer, resin, process), printer.name, resin.name);
+  const std::vector<Feature> features = features_of(printer, resin, process);
+  check_supported(features, printer.name, resin.name);
+  check_scatter(features, printer, resin);
 }
 
 void check_corrected(const Printer& printer, const Resin& resin, const Process& process) {
   check_same_unit(printer, resin);
   const std::vector<Feature> features = features_of(printer, resin, process);
   check_supported(features, printer.name, resin.name);
+  check_scatter(features, printer, resin);
   if (const Unsupported* pair = find_unsupported(features, not_corrected)) {
     throw InputError(with_names(pair->words, printer.name, resin.name));
   }

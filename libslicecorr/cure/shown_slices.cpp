@@ -128,10 +128,20 @@ void ShownSlices::take(const Recording& recording, const Resin& resin, double la
   const auto usual_of = [&](int n) {
     return usual * light_share(process_, n) / light_share(lit, n);
   };
+  // Of images that go by place the mean of each slice stands for all of it, as it does in the stack.
+  const bool by_place = uv && process_.even_light && process_.uv.kind == UvKind::patterned;
+  const std::vector<double> means = by_place ? process_.uv.slice_mw_cm2 : std::vector<double>{};
+  const double lamp = by_place ? printer_.uv->max_mw_cm2() : 1;
+  const auto setting = [&](const Recording::Showing& p, int n) {
+    const double own = setting_of(p, usual_of(n));
+    return means.empty()
+               ? own
+               : own / lamp * means[std::min(static_cast<std::size_t>(n), means.size() - 1)];
+  };
   std::vector<double> asked;
   for (int n = 0; uv && n < slices_; ++n) {
     for (const Recording::Showing& p : recording.of(n)) {
-      if (p.light > 0) asked.push_back(setting_of(p, usual_of(n)));
+      if (p.light > 0) asked.push_back(setting(p, n));
     }
   }
   if (uv) {
@@ -155,7 +165,7 @@ void ShownSlices::take(const Recording& recording, const Resin& resin, double la
         !uv && process_.mode == ExposureMode::continuous && shown.size() <= kMostPlaced;
     for (const Recording::Showing& p : shown) {
       if (!(p.light > 0)) continue;
-      Showing showing{p.image, p.light * counts(n), uv ? nearest(setting_of(p, usual_of(n))) : 0};
+      Showing showing{p.image, p.light * counts(n), uv ? nearest(setting(p, n)) : 0};
       if (placed) std::tie(showing.from, showing.to) = place_of(p, n, layer_um);
       add(showing, first);
     }

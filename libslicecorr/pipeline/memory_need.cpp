@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "correct/inhibited_plan.hpp"
 #include "correct/solved_columns.hpp"
 #include "slicecorr/correct.hpp"
 #include "slicecorr/gel_time.hpp"
@@ -135,6 +136,7 @@ void look_at_light(const SliceSource& slices, const Printer& printer, const Proc
   facts.solved_whole = !sums || facts.stepwise;
   if (!plan.model.inhibited()) return;
   facts.tables_bytes = plan.model.inhibited()->table_bytes();
+  if (plan.inhibited) facts.tables_bytes += plan.inhibited->far_light.bytes();
   const UvSchedule& uv = process.uv;
   if (uv.kind == UvKind::per_slice && uv.slice_mw_cm2.empty()) {
     facts.tables_bytes *= std::min(kLampSettings, facts.slices);

@@ -9,6 +9,7 @@
 #include <array>
 #include <cstring>
 #include <filesystem>
+#include <memory>
 #include <optional>
 #include <stdexcept>
 #include <vector>
@@ -16,6 +17,7 @@
 #include "base/run_length.hpp"
 #include "pipeline/uv_images.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/even_dead_zone.hpp"
 #include "slicecorr/place_models.hpp"
 #include "slicecorr/recording.hpp"
 #include "slicecorr/stack.hpp"
@@ -33,6 +35,15 @@ std::string folder_beside(const std::string& path) {
   return folder.empty() ? "." : folder;
 }
 
+/// UV images of an even dead zone, which go by place and slice.
+struct ImagesByPlace {
+  Setup setup;  ///< outlives the images
+  EvenUvImages images;
+  explicit ImagesByPlace(const StackInfo& print)
+      : setup{*print.printer, *print.resin, *print.process, 0},
+        images(setup, print.grid, image_frame(print)) {}
+};
+
 }  // namespace
 
 /// A piece in the store is the run-length code of a whole image: bands of the archive are only
@@ -48,6 +59,10 @@ struct RecordingWriter::Impl {
   std::optional<std::array<std::uint8_t, 256>> uv_of_pixel;
   std::vector<int> other_uv_images;
   std::vector<std::uint8_t> code;
+  // Where UV images go by place: only the record says to which slices images belong.
+  std::unique_ptr<const ImagesByPlace> by_place;
+  std::vector<BlobStore::Blob> uv_images;
+  std::vector<int> slice_of;  ///< of each image, by its UV image
 
   Impl(const std::string& p, const StackInfo& print, const ExecutionContext& j)
       : path(p), info(print), context(j), store(folder_beside(p), kMemoryBudget, j) {
@@ -56,6 +71,15 @@ struct RecordingWriter::Impl {
   }
   bool follows(const std::uint8_t* blue, const std::uint8_t* uv) const;
   void write_images(StackWriter& writer, int count) const;
+  void find_slices(const Recording& shown);
+  bool is_uv_of(int slice, const std::vector<std::uint8_t>& blue,
+                const std::vector<std::uint8_t>& uv) const;
+  void unpack(const BlobStore::Blob& blob, std::vector<std::uint8_t>& image) const;
+  BlobStore::Blob pack(const std::uint8_t* image) {
+    code.clear();
+    detail::run_length_encode(image, pixels, code);
+    return store.put(code.data(), code.size());
+  }
 };
 
 RecordingWriter::RecordingWriter(const std::string& path, const StackInfo& print,
@@ -83,10 +107,8 @@ RecordingWriter::RecordingWriter(const std::string& path, const StackInfo& print
   s.info.program = std::string("slicecorr ") + version;
   if (print.process->uv.kind != UvKind::patterned) return;
   if (print.process->even_light) {
-    throw InputError(
-        path, "",
-        "can't record UV images that go by place; expected a print without an even dead "
-        "zone by UV light");
+    s.by_place = std::make_unique<const ImagesByPlace>(print);
+    return;
   }
   const PlaceModels models(*print.printer, *print.resin, *print.process, grid, image_frame(print));
   s.uv_of_pixel = detail::uv_of_pixels(models.brightest(), print.printer->levels());
@@ -109,11 +131,66 @@ bool RecordingWriter::Impl::follows(const std::uint8_t* blue, const std::uint8_t
 int RecordingWriter::add_image(const std::uint8_t* blue, const std::uint8_t* uv) {
   Impl& s = *impl_;
   const int index = images();
-  s.code.clear();
-  detail::run_length_encode(blue, s.pixels, s.code);
-  s.images.push_back(s.store.put(s.code.data(), s.code.size()));
-  if (!s.follows(blue, uv)) s.other_uv_images.push_back(index);
+  s.images.push_back(s.pack(blue));
+  if (s.by_place) {
+    const std::vector<std::uint8_t> none(uv ? 0 : s.pixels, 0);
+    s.uv_images.push_back(s.pack(uv ? uv : none.data()));
+  } else if (!s.follows(blue, uv)) {
+    s.other_uv_images.push_back(index);
+  }
   return index;
+}
+
+void RecordingWriter::Impl::unpack(const BlobStore::Blob& blob,
+                                   std::vector<std::uint8_t>& image) const {
+  std::vector<std::uint8_t> packed;
+  store.get(blob, packed);
+  image.resize(pixels);
+  detail::run_length_decode(packed.data(), packed.data() + packed.size(), image.data(), pixels);
+}
+
+bool RecordingWriter::Impl::is_uv_of(int slice, const std::vector<std::uint8_t>& blue,
+                                     const std::vector<std::uint8_t>& uv) const {
+  const auto width = static_cast<std::size_t>(info.grid.width_px);
+  std::vector<std::uint8_t> row(width);
+  for (int y = 0; y < info.grid.height_px; ++y) {
+    const std::size_t first = static_cast<std::size_t>(y) * width;
+    std::copy_n(blue.begin() + static_cast<std::ptrdiff_t>(first), width, row.begin());
+    by_place->images.make_row(slice, y, row);
+    if (std::memcmp(row.data(), uv.data() + first, width) != 0) return false;
+  }
+  return true;
+}
+
+/// To which slice each image belongs: one in which it was shown, or, of images that came late or early, one beside.
+void RecordingWriter::Impl::find_slices(const Recording& shown) {
+  std::vector<int> first(images.size(), -1), last(images.size(), -1);
+  for (int n = 0; n < shown.slices(); ++n) {
+    for (const Recording::Showing& p : shown.of(n)) {
+      if (p.image < 0 || !(p.light > 0)) continue;
+      const auto i = static_cast<std::size_t>(p.image);
+      if (first[i] < 0) first[i] = n;
+      last[i] = n;
+    }
+  }
+  slice_of.assign(images.size(), 0);
+  std::vector<std::uint8_t> others(images.size(), 0);
+  parallel_for(context, "look at UV images", images.size(), [&](std::size_t i) {
+    if (first[i] < 0) return;
+    std::vector<std::uint8_t> blue, uv;
+    unpack(images[i], blue);
+    unpack(uv_images[i], uv);
+    slice_of[i] = first[i];
+    for (int n = std::max(0, first[i] - 1); n <= last[i] + 1; ++n) {
+      if (!is_uv_of(n, blue, uv)) continue;
+      slice_of[i] = n;
+      return;
+    }
+    others[i] = 1;
+  });
+  for (std::size_t i = 0; i < others.size(); ++i) {
+    if (others[i]) other_uv_images.push_back(static_cast<int>(i));
+  }
 }
 
 void RecordingWriter::Impl::write_images(StackWriter& writer, int count) const {
@@ -122,12 +199,10 @@ void RecordingWriter::Impl::write_images(StackWriter& writer, int count) const {
   const auto groups = static_cast<std::size_t>((count + at_once - 1) / at_once);
   parallel_for(context, "record", groups, [&](std::size_t g) {
     StackWriter::BandEncoder encoder(writer, 0, height);
-    std::vector<std::uint8_t> packed, image(pixels);
+    std::vector<std::uint8_t> image;
     const int first = static_cast<int>(g) * at_once;
     for (int n = first; n < std::min(count, first + at_once); ++n) {
-      packed.clear();
-      store.get(images[static_cast<std::size_t>(n)], packed);
-      detail::run_length_decode(packed.data(), packed.data() + packed.size(), image.data(), pixels);
+      unpack(images[static_cast<std::size_t>(n)], image);
       encoder.put(n, 0, info.grid.width_px, image.data());
     }
   });
@@ -135,12 +210,21 @@ void RecordingWriter::Impl::write_images(StackWriter& writer, int count) const {
 
 void RecordingWriter::finish(Recording shown) {
   Impl& s = *impl_;
-  shown.other_uv_images = s.other_uv_images;
   check_recording(shown, images(), s.path);
+  if (s.by_place) s.find_slices(shown);
+  shown.other_uv_images = s.other_uv_images;
   s.info.grid.layers = std::max(1, images());
   s.info.recording = std::make_shared<const Recording>(std::move(shown));
   StackWriter writer(s.path, s.info.grid, s.context);
   if (s.uv_of_pixel) writer.set_uv_pattern(*s.uv_of_pixel);
+  if (s.by_place) {
+    writer.set_uv_pattern(s.by_place->images.of_black(),
+                          [&s](int image, int y, std::span<std::uint8_t> row) {
+                            const auto i = static_cast<std::size_t>(image);
+                            const int slice = i < s.slice_of.size() ? s.slice_of[i] : 0;
+                            s.by_place->images.make_row(slice, y, row);
+                          });
+  }
   if (images() == 0) {
     StackWriter::BandEncoder(writer, 0, s.info.grid.height_px)
         .put(0, 0, s.info.grid.width_px, nullptr);

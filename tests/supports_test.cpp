@@ -167,6 +167,52 @@ TEST(Supports, TheTableSaysEachPairOnce) {
   }
 }
 
+/// Why the resin's law is not counted in a use; "" where it is.
+std::string refused_in(const Resin& resin, LawUse use) {
+  try {
+    refuse_law(resin, use);
+  } catch (const InputError& e) {
+    return e.what();
+  }
+  return "";
+}
+
+// Doses that are sums are refused nowhere; each other law where the table has a row for it, with all marks taken
+// for names.
+TEST(Supports, EachLawIsRefusedInTheWordsOfItsRow) {
+  const Resin sums = plain().resin;
+  Resin gels = sums, bleaches = sums;
+  gels.model = CureModelKind::gel_time;
+  gels.gel_a_mj_cm2 = 20;
+  gels.gel_b_sqrt_mw_cm2_s = 3;
+  bleaches.bleaching = Bleaching{2 * sums.absorbance_height10_um, 30};
+  EXPECT_TRUE(sums.adds_up());
+  EXPECT_FALSE(gels.adds_up() || bleaches.adds_up());
+  std::set<std::pair<LawUse, Feature>> rows;
+  for (const UncountedLaw& row : uncounted_laws()) {
+    EXPECT_TRUE(rows.emplace(row.use, row.law).second) << name_of(row.use);
+  }
+  std::set<std::string> names;
+  for (int u = 0; u <= static_cast<int>(LawUse::exponent_errors); ++u) {
+    const auto use = static_cast<LawUse>(u);
+    EXPECT_TRUE(names.insert(name_of(use)).second) << name_of(use);
+    EXPECT_EQ(refused_in(sums, use), "") << name_of(use);
+    for (const auto& [law, resin] :
+         {std::pair{Feature::gel_time, gels}, {Feature::bleaching, bleaches}}) {
+      const std::string said = refused_in(resin, use);
+      EXPECT_EQ(!said.empty(), rows.contains({use, law})) << name_of(use);
+      EXPECT_TRUE(said.empty() || said.find("expected") != std::string::npos) << said;
+      EXPECT_EQ(said.find_first_of("{}"), std::string::npos) << said;
+    }
+  }
+  EXPECT_EQ(refused_in(bleaches, LawUse::flow),
+            "r-1: bleaching: is not counted in flowing resin; expected a resin without it");
+  EXPECT_EQ(
+      refused_in(gels, LawUse::part_times),
+      "r-1: cure.model: is \"gel-time\", by which the times of test parts are not reckoned; expected one of "
+      "another model (resinctl derive makes one of it)");
+}
+
 // Light that a bath of so many slices and a part of one takes up is that of no whole number.
 TEST(Supports, ABathEndsBetweenSlices) {
   for (const double depth_um : {1000.0, 1050.0, 1100.0}) {

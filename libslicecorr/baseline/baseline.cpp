@@ -117,9 +117,8 @@ int cure_through_slices(const CureModel& model) {
     }
     // There phi is not what doses are made of.
     if (model.gel_time()) longest.exposure_ratio = {model.greatest_ratio()};
-    const double fall =
-        model.bleaching() ? model.bleaching()->bleached() / units::kLn10 : model.eta * thinnest;
-    const int high = static_cast<int>(std::min<double>(most, std::ceil(16.0 / fall) + 1));
+    const double decades = model.least_fall() * thinnest / units::kLn10;
+    const int high = static_cast<int>(std::min<double>(most, std::ceil(16.0 / decades) + 1));
     const std::uint8_t full = 255, black = 0;
     BandDose dose(longest, 1);
     int slice = high + most;

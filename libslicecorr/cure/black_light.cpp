@@ -19,8 +19,7 @@ namespace {
 int reach(const CureModel& model) {
   if (model.gel_time()) return 2 * model.gel_time()->reach();
   constexpr double nothing = 40, most = 1e6;
-  const double fall = model.bleaching() ? model.bleaching()->bleached() : model.eta * units::kLn10;
-  return static_cast<int>(std::min(most, std::ceil(nothing / fall)));
+  return static_cast<int>(std::min(most, std::ceil(nothing / model.least_fall())));
 }
 
 /// The same of doses that are no sums: by walking black slices up to the platform.
@@ -82,7 +81,7 @@ double alike_black(const CureModel& model) {
   if (exchanges(model) || !model.heights.alike()) return most_black(model, {}).dose;
   if (model.gel_time()) return most_black_by_walk(model, {}).dose;
   // A dose of 1 at the window stays if a slice adds what it loses in a layer.
-  if (model.bleaching()) return model.phi_min() / (1.0 - model.faded(1.0));
+  if (!model.adds_up()) return model.phi_min() / (1.0 - model.faded(1.0));
   // Beside the platform light that it sends back counts, too.
   return model.phi_min() * model.steady(model.returned(1)) / model.one_minus_a;
 }

@@ -527,12 +527,7 @@ NearbyModels nearby_models(const Printer& printer, const Resin& resin, const Pro
   for (CalibrationPoint& point : stray.calibration) point.intensity_mw_cm2 += near.stray_mw_cm2;
   near.stray = model(stray, resin);
   if (!(reference_mw_cm2 > 0)) return near;
-  if (resin.has_gel_time() || resin.bleaches()) {
-    throw InputError(
-        resin.has_gel_time()
-            ? "a resin of model \"gel-time\" has no exponent that could be off; expected no error of m"
-            : "a resin that bleaches is counted with an exponent of 1; expected no error of m");
-  }
+  refuse_law(resin, LawUse::exponent_errors);
   if (process.uv.kind != UvKind::off && !(resin.critical_dose_prime > 0)) {
     throw InputError(
         "how the dose changes with the exponent under UV light is known of resins with "

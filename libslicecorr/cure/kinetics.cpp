@@ -9,6 +9,7 @@
 #include <cmath>
 
 #include "slicecorr/error.hpp"
+#include "slicecorr/supports.hpp"
 #include "slicecorr/units.hpp"
 #include "support/numbers/bracket.hpp"
 
@@ -67,6 +68,7 @@ double inhibited_integral_um(const Kinetics& k, double ratio) {
 }  // namespace
 
 Kinetics make_kinetics(const Resin& resin, bool inhibited, bool aim) {
+  if (inhibited) refuse_law(resin, LawUse::uv_exposure);
   Kinetics k;
   k.hb_um = units::height_e_from_10(resin.absorbance_height10_um);
   k.m = resin.m;
@@ -75,11 +77,6 @@ Kinetics make_kinetics(const Resin& resin, bool inhibited, bool aim) {
     const double times = aim ? 1.0 : 1.0 / factor;
     k.gel_time = {resin.gel_a_mj_cm2 * times, resin.gel_b_sqrt_mw_cm2_s * times};
     k.critical_dose_prime = 1.0;
-    if (inhibited) {
-      throw InputError(resin.name, "cure.model",
-                       "the resin has a time to gel, which UV light does not change; expected a "
-                       "resin of model \"kinetic\" with an [inhibition]");
-    }
     if (!(k.hb_um > 0)) {
       throw InputError(resin.name, "cure", "the resin has no absorbance height; expected one");
     }
@@ -96,10 +93,6 @@ Kinetics make_kinetics(const Resin& resin, bool inhibited, bool aim) {
         (aim ? 1.0 : factor);
   }
   if (resin.bleaches()) {
-    if (inhibited) {
-      throw InputError(resin.name, "bleaching",
-                       "is not counted under UV light; expected a resin without it");
-    }
     k.bleaching.emplace(1.0 / k.hb_um,
                         1.0 / units::height_e_from_10(resin.bleaching->absorbance_height10_um),
                         resin.bleaching->dose_mj_cm2);

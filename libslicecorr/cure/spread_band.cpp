@@ -13,6 +13,7 @@
 #include "slicecorr/error.hpp"
 #include "slicecorr/gel_time.hpp"
 #include "slicecorr/inhibited.hpp"
+#include "slicecorr/supports.hpp"
 #include "slicecorr/units.hpp"
 
 namespace slicecorr::detail {

@@ -7,6 +7,7 @@
 #include "slicecorr/error.hpp"
 #include "slicecorr/flow.hpp"
 #include "slicecorr/light_unit.hpp"
+#include "slicecorr/supports.hpp"
 #include "slicecorr/turbidity.hpp"
 #include "slicecorr/units.hpp"
 
@@ -31,7 +32,7 @@ FlowResin flow_resin(const Resin& resin, const std::string& source) {
         source.empty() ? resin.name : source, "viscosity_pa_s",
         "is missing; resin flow needs the dynamic viscosity of the liquid resin, Pa·s");
   }
-  refuse_bleaching(resin, "flowing resin");
+  refuse_law(resin, LawUse::flow);
   refuse_turbidity(resin, "flowing resin");
   refuse_relative(resin, "resin flow");
   FlowResin flowing{make_kinetics(resin, resin.inhibition.has_value(), true), resin.viscosity_pa_s,

@@ -16,6 +16,7 @@
 #include "slicecorr/kinetics.hpp"
 #include "slicecorr/light_map.hpp"
 #include "slicecorr/light_unit.hpp"
+#include "slicecorr/supports.hpp"
 #include "slicecorr/units.hpp"
 
 namespace slicecorr {
@@ -108,13 +109,7 @@ TuningPart::TuningPart(TuningPartKind kind, const Printer& printer, const Ask& a
     refuse_relative(printer, fmt::format("a part '{}'", word_of(kind)).c_str());
   }
   if (ask.resin) check_same_unit(printer, *ask.resin);
-  if (ask.resin) refuse_bleaching(*ask.resin, "the times of test parts");
-  if (ask.resin && ask.resin->has_gel_time()) {
-    throw InputError(fmt::format(
-        "resin '{}' has the model \"gel-time\", by which the times of a part '{}' are not reckoned; "
-        "expected one of another model (resinctl derive makes one of it)",
-        ask.resin->name, word_of(kind)));
-  }
+  if (ask.resin) refuse_law(*ask.resin, LawUse::part_times);
   if (!is_comb() && !(printer.calibration.back().intensity_mw_cm2 > 0)) {
     throw InputError(fmt::format("printer '{}' has no light at full level", printer.name));
   }

@@ -13,6 +13,7 @@
 #include "slicecorr/light_unit.hpp"
 #include "slicecorr/same_light.hpp"
 #include "slicecorr/settings.hpp"
+#include "slicecorr/supports.hpp"
 #include "slicecorr/units.hpp"
 #include "slicecorr/unmeasured_light.hpp"
 
@@ -92,8 +93,7 @@ Resin with_assumed_dose(Resin resin, double layer_um, double exposure_s, double 
         fmt::format("resin '{}' {}: expected no assumed light with it", resin.name, what));
   };
   if (is_relative(resin)) refuse("was measured in seconds of a printer's full light");
-  if (resin.has_gel_time()) refuse("has a time to gel, which counts light in mW/cm²");
-  if (resin.bleaches()) refuse("bleaches, which counts light in mW/cm²");
+  refuse_law(resin, LawUse::assumed_light);
   resin.unit = LightUnit::brightest;
   resin.inhibition.reset();
   resin.chemistry.reset();

@@ -364,12 +364,6 @@ Resin parse_resin(std::string_view text, const std::string& source,
   return with_overrides(std::move(resin), overrides);
 }
 
-void refuse_bleaching(const Resin& resin, const char* what) {
-  if (!resin.bleaches()) return;
-  throw InputError(resin.name, "bleaching",
-                   fmt::format("is not counted in {}; expected a resin without it", what));
-}
-
 void refuse_shrinkage(const Resin& resin, const char* what) {
   if (!resin.shrinkage.any()) return;
   throw InputError(resin.name, resin.shrinkage.shrinks() ? "shrinkage" : "first_layers",

@@ -5,6 +5,8 @@
 
 #include <algorithm>
 #include <array>
+#include <initializer_list>
+#include <iterator>
 #include <string_view>
 
 #include "slicecorr/error.hpp"
@@ -190,13 +192,76 @@ constexpr NotScattered kNotScattered[] = {
      true},
 };
 
-std::string with_names(std::string text, const std::string& printer, const std::string& resin) {
-  for (const auto& [mark, name] :
-       {std::pair<std::string_view, const std::string&>{"{printer}", printer},
-        {"{resin}", resin}}) {
+constexpr const char* kNotBleached =
+    "{resin}: bleaching: is not counted in {use}; expected a resin without it";
+
+constexpr const char* kUseNames[] = {
+    "flowing resin",
+    "tomographic printing",
+    "printing by beams",
+    "an exposure under UV light",
+    "the times of test parts",
+    "what parts tell of a resin",
+    "what scans tell of a resin",
+    "times to gel",
+    "the choice of an absorber",
+    "tables, which have no column for it",
+    "assumed light",
+    "how sure an exponent is",
+};
+static_assert(std::size(kUseNames) == static_cast<std::size_t>(LawUse::exponent_errors) + 1);
+
+constexpr UncountedLaw kUncountedLaws[] = {
+    {LawUse::flow, bleaching, kNotBleached},
+    {LawUse::tomography, bleaching, kNotBleached},
+    {LawUse::tomography, gel_time,
+     "{resin}: cure.model: is \"gel-time\"; expected a resin of model \"jacobs\": light from all sides adds up in "
+     "mJ/cm³ for that alone, and resinctl derive makes one for an intensity in the vial"},
+    {LawUse::beams, bleaching, kNotBleached},
+    {LawUse::uv_exposure, gel_time,
+     "{resin}: cure.model: the resin has a time to gel, which UV light does not change; expected a resin of model "
+     "\"kinetic\" with an [inhibition]"},
+    {LawUse::uv_exposure, bleaching,
+     "{resin}: bleaching: is not counted under UV light; expected a resin without it"},
+    {LawUse::part_times, bleaching, kNotBleached},
+    {LawUse::part_times, gel_time,
+     "{resin}: cure.model: is \"gel-time\", by which {use} are not reckoned; expected one of another model (resinctl "
+     "derive makes one of it)"},
+    {LawUse::part_tuning, gel_time,
+     "{resin}: cure.model: is \"gel-time\"; parts tune a resin of one law of dose: expected one that resinctl derive "
+     "made for the intensities of the printer"},
+    {LawUse::part_tuning, bleaching, kNotBleached},
+    {LawUse::scan_tuning, gel_time,
+     "{resin}: cure.model: is \"gel-time\"; scans tune a resin of one law of dose: expected one that resinctl derive "
+     "made for the intensities of the printer"},
+    {LawUse::scan_tuning, bleaching, kNotBleached},
+    {LawUse::gel_times, bleaching, kNotBleached},
+    {LawUse::absorber, gel_time,
+     "{resin}: cure.model: is \"gel-time\"; an absorber is chosen for one law of dose: expected a resin that "
+     "resinctl derive made for the intensities of the printer"},
+    {LawUse::absorber, bleaching, kNotBleached},
+    {LawUse::tables, bleaching, kNotBleached},
+    {LawUse::assumed_light, gel_time,
+     "resin '{resin}' has a time to gel, which counts light in mW/cm²: expected no assumed light with it"},
+    {LawUse::assumed_light, bleaching,
+     "resin '{resin}' bleaches, which counts light in mW/cm²: expected no assumed light with it"},
+    {LawUse::exponent_errors, gel_time,
+     "a resin of model \"gel-time\" has no exponent that could be off; expected no error of m"},
+    {LawUse::exponent_errors, bleaching,
+     "a resin that bleaches is counted with an exponent of 1; expected no error of m"},
+};
+
+using Name = std::pair<std::string_view, std::string_view>;
+
+/// The text with names in place of marks.
+std::string with_names(std::string text, std::initializer_list<Name> names) {
+  for (const auto& [mark, name] : names) {
     if (const auto at = text.find(mark); at != text.npos) text.replace(at, mark.size(), name);
   }
   return text;
+}
+std::string with_names(const char* text, const std::string& printer, const std::string& resin) {
+  return with_names(text, {{"{printer}", printer}, {"{resin}", resin}});
 }
 
 }  // namespace
@@ -204,6 +269,18 @@ std::string with_names(std::string text, const std::string& printer, const std::
 std::string name_of(Feature feature) { return kNames[static_cast<std::size_t>(feature)]; }
 
 std::span<const Unsupported> unsupported() { return kTable; }
+
+const char* name_of(LawUse use) { return kUseNames[static_cast<std::size_t>(use)]; }
+
+std::span<const UncountedLaw> uncounted_laws() { return kUncountedLaws; }
+
+void refuse_law(const Resin& resin, LawUse use) {
+  for (const UncountedLaw& row : kUncountedLaws) {
+    const bool has = row.law == gel_time ? resin.has_gel_time() : resin.bleaches();
+    if (row.use != use || !has) continue;
+    throw InputError(with_names(row.words, {{"{resin}", resin.name}, {"{use}", name_of(use)}}));
+  }
+}
 
 std::vector<Feature> features_of(const Printer& printer, const Resin& resin,
                                  const Process& process) {

@@ -12,6 +12,7 @@
 #include <numbers>
 
 #include "slicecorr/error.hpp"
+#include "slicecorr/supports.hpp"
 
 namespace slicecorr {
 
@@ -426,14 +427,8 @@ double absorption_per_mm(const Resin& resin) { return absorption_per_cm(resin) /
 double curing_absorption_per_mm(const Resin& resin) { return curing_absorption_per_cm(resin) / 10; }
 
 double dose_to_gel_mj_cm3(const Resin& resin) {
-  refuse_bleaching(resin, "tomographic printing");
+  refuse_law(resin, LawUse::tomography);
   refuse_shrinkage(resin, "tomographic printing");
-  if (resin.has_gel_time()) {
-    throw InputError(
-        resin.name, "cure.model",
-        "is \"gel-time\"; expected a resin of model \"jacobs\": light from all sides adds up in "
-        "mJ/cm³ for that alone, and resinctl derive makes one for an intensity in the vial");
-  }
   if (resin.m != 1) {
     throw InputError(
         resin.name, "m",

@@ -16,7 +16,7 @@ void detail::check_counts(const Setup& setup, const SetupChoices& choices, Choic
   const auto o = [&](std::string_view name) { return setting_name(names, name); };
   const Process& p = setup.process;
   // Where levels are tried, both count in both modes (tried_column.hpp).
-  const bool tried = setup.resin.has_gel_time() || setup.resin.bleaches();
+  const bool tried = !setup.resin.adds_up();
   const bool continuous = p.mode == ExposureMode::continuous;
   for (const std::string_view name : {"edge_aim_um", "gap_shortfall"}) {
     if (!is_said(*find_setting(name), choices) || tried) continue;

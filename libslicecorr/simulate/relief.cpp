@@ -68,7 +68,7 @@ class Shape {
 
 void check(const Kinetics& k, const std::vector<ReliefHeights>& wanted, const ReliefGoal& goal) {
   const auto refuse = [](const std::string& what) { throw InputError("relief", "", what); };
-  if (k.bleaching || k.has_gel_time()) {
+  if (!k.adds_up()) {
     refuse("is not counted for a resin that bleaches or has a time to gel; expected another resin");
   }
   if (!(goal.most_blue_mw_cm2 > 0)) refuse("expected curing light above 0");

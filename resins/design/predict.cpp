@@ -287,7 +287,7 @@ Forecast predict(const Resin& resin, const Question& q) {
                   (1 - kInside)));
     }
   }
-  if (!(q.uv_mw_cm2 > 0) && !resin.has_gel_time() && !resin.bleaches()) {
+  if (!(q.uv_mw_cm2 > 0) && resin.adds_up()) {
     // With lifts the strength at joints stands in place of a factor on all doses.
     const Kinetics gel = make_kinetics(resin, false, false);
     f.green_strength = resin.green_strength > 0 ? resin.green_strength : kDefaultGreenStrength;

@@ -15,6 +15,7 @@
 #include "slicecorr/error.hpp"
 #include "slicecorr/light_unit.hpp"
 #include "slicecorr/resins/design.hpp"
+#include "slicecorr/supports.hpp"
 #include "slicecorr/units.hpp"
 
 namespace slicecorr::resins {
@@ -154,12 +155,7 @@ void check_wish(const Printer& printer, const Resin& resin, const Wish& wish) {
 Recommendation recommend(const Resin& resin, const Printer& printer, const Wish& wish) {
   refuse_relative(printer, "a resin that is recommended");
   check_same_unit(printer, resin);
-  if (resin.has_gel_time()) {
-    throw InputError(resin.name, "cure.model",
-                     "is \"gel-time\"; an absorber is chosen for one law of dose: expected a resin "
-                     "that resinctl derive made for the intensities of the printer");
-  }
-  refuse_bleaching(resin, "the choice of an absorber");
+  refuse_law(resin, LawUse::absorber);
   check_wish(printer, resin, wish);
   const Designer d(resin, printer, wish, wish.speed_mm_h);
   Recommendation r;

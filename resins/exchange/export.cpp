@@ -11,6 +11,7 @@
 #include "slicecorr/kinetics.hpp"
 #include "slicecorr/light_unit.hpp"
 #include "slicecorr/resins/exchange.hpp"
+#include "slicecorr/supports.hpp"
 #include "slicecorr/units.hpp"
 #include "support/json/read_json.hpp"
 #include "support/text/csv.hpp"
@@ -119,7 +120,7 @@ std::string to_csv(const ResinRecord& r) {
     const auto at = r.provenance.find(key);
     return at == r.provenance.end() ? "" : at->second;
   };
-  refuse_bleaching(r.resin, "tables, which have no column for it");
+  refuse_law(r.resin, LawUse::tables);
   refuse_shrinkage(r.resin, "tables, which have no column for it");
   refuse_relative(r.resin, "a table");
   const bool kinetic = r.resin.m != 1.0;

@@ -16,6 +16,7 @@
 #include "fit/statistics.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/light_unit.hpp"
+#include "slicecorr/supports.hpp"
 #include "tune/matrix.hpp"
 #include "tune/scan_inputs.hpp"
 #include "tune/scan_print.hpp"
@@ -557,13 +558,7 @@ ScanTuneResult tune_by_scans(const std::vector<PrintScan>& prints, const Setup& 
                              const ExecutionContext& context) {
   if (prints.empty()) throw InputError("no scan; expected one or more");
   check_prior(prior);
-  if (setup.resin.has_gel_time()) {
-    throw InputError(
-        setup.resin.name, "cure.model",
-        "is \"gel-time\"; scans tune a resin of one law of dose: expected one that resinctl derive made for "
-        "the intensities of the printer");
-  }
-  refuse_bleaching(setup.resin, "what scans tell of a resin");
+  refuse_law(setup.resin, LawUse::scan_tuning);
   refuse_relative(setup.resin, "tuning by scans");
   return ScanFit(prints, setup, prior, options, context).solve(options.rounds);
 }

@@ -11,6 +11,7 @@
 
 #include "slicecorr/error.hpp"
 #include "slicecorr/kinetics.hpp"
+#include "slicecorr/supports.hpp"
 
 namespace slicecorr::resins {
 
@@ -25,7 +26,7 @@ double window_gel_time_s(const Kinetics& k, const Resin& resin, double intensity
 }  // namespace
 
 TimeScale scale_by_times(const Resin& resin, const TimesToGel& times) {
-  refuse_bleaching(resin, "times to gel");
+  refuse_law(resin, LawUse::gel_times);
   if (!resin.has_gel_time() && resin.dose_factor == 1 && resin.gel_dose_mj_cm3 == 0) {
     throw InputError(
         resin.name, "cure.dose_factor",

@@ -14,6 +14,7 @@
 #include "fit/least_squares.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/light_unit.hpp"
+#include "slicecorr/supports.hpp"
 #include "tune/matrix.hpp"
 
 namespace slicecorr::resins {
@@ -195,12 +196,7 @@ TuneGain gain_of(const TuneMatrix& prior, const std::vector<TuneVector>& jacobia
 
 TuneResult tune(const std::vector<MeasuredPart>& parts, const Printer& printer, const Resin& resin,
                 const TunePrior& prior, double sigma_um) {
-  if (resin.has_gel_time()) {
-    throw InputError(resin.name, "cure.model",
-                     "is \"gel-time\"; parts tune a resin of one law of dose: expected one that "
-                     "resinctl derive made for the intensities of the printer");
-  }
-  refuse_bleaching(resin, "what parts tell of a resin");
+  refuse_law(resin, LawUse::part_tuning);
   check_same_unit(printer, resin);
   check_prior(prior);
   if (!(sigma_um > 0) || !std::isfinite(sigma_um)) {

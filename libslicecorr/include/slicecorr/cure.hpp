@@ -78,6 +78,7 @@
 #include "slicecorr/layer_heights.hpp"
 #include "slicecorr/process.hpp"
 #include "slicecorr/supports.hpp"
+#include "slicecorr/units.hpp"
 
 namespace slicecorr {
 
@@ -254,6 +255,9 @@ struct CureModel {
   double before_fading(double far) const {
     return bleaching() ? bleaching()->after(far, -1.0, 0.0) : far / a;
   }
+  /// How much a layer of `layer_um` dims a dose at the least, base e: that of bleached resin; not with a time to
+  /// gel, or under UV light.
+  double least_fall() const { return bleaching() ? bleaching()->bleached() : eta * units::kLn10; }
   /// Layer by layer: whether the layer after next above such a feature gels again beside its
   /// window: phi'_min >= (1 - a) / (1 + a).
   bool gels_further_teeth(double exposure = 1.0) const {

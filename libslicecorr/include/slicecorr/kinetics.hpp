@@ -36,6 +36,8 @@ struct Kinetics {
   bool has_gel_time() const { return gel_time.A > 0; }
   /// Of a resin that bleaches, in um and mJ/cm²; then m is 1, and nothing is inhibited.
   std::optional<BleachingLaw> bleaching{};
+  /// Whether m and D'c alone say when resin gels.
+  bool adds_up() const { return !has_gel_time() && !bleaching; }
 };
 
 /// What a resin file says, at its gel dose (`aim` false) or at the dose that the correction aims

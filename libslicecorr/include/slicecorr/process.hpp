@@ -25,6 +25,7 @@
 #include "slicecorr/orientation.hpp"
 #include "slicecorr/resin_chemistry.hpp"
 #include "slicecorr/shrinkage.hpp"
+#include "slicecorr/tomographic_parts.hpp"
 #include "slicecorr/vat_window.hpp"
 
 namespace slicecorr {
@@ -97,101 +98,6 @@ struct FlatField {
   std::uint8_t least() const;
   std::uint8_t greatest() const;
   bool operator==(const FlatField& o) const;
-};
-
-/// The vial of a tomographic printer across its axis.
-enum class VialShape { round, square, outline };
-
-/// A place across the axis of rotation, in the frame of the part, mm.
-struct FlatPoint {
-  double x_mm = 0, y_mm = 0;
-  bool operator==(const FlatPoint&) const = default;
-};
-
-/// A cylinder that stands in the resin along the axis and turns with it, from below all light to above.
-struct Rod {
-  double x_mm = 0, y_mm = 0, diameter_mm = 0;
-  double n = 0;         ///< refractive index, 1..3; 0: it lets no light through
-  double reflects = 0;  ///< share of light that one without index sends on as a mirror, 0..1
-  bool operator==(const Rod&) const = default;
-};
-
-/// The vial of a tomographic printer: a tube of resin about its axis of rotation, the z axis.
-struct Vial {
-  double outer_mm = 0;   ///< outer radius, > `inner_mm`
-  double inner_mm = 0;   ///< inner radius: the resin ends here; > 0
-  double n_outside = 1;  ///< refractive index around the vial, 1..3: 1 is air, the resin's a bath
-  double n_wall = 1.48;  ///< that of the wall, 1..3; borosilicate glass in violet light
-  /// A second wall around the first, of a double-walled vial: its radii, jacket_outer_mm > jacket_inner_mm
-  /// >= outer_mm; 0: none.
-  double jacket_outer_mm = 0, jacket_inner_mm = 0;
-  double n_between = 1;    ///< between the walls, 1..3
-  double n_jacket = 1.48;  ///< of the second wall, 1..3
-  /// round: walls are cylinders about the axis. square, outline: flat or curved ones that turn with the
-  /// vial (vial_outline.hpp); `outer_mm` and `inner_mm` are how far the farthest of both faces is from the
-  /// axis then.
-  VialShape shape = VialShape::round;
-  double side_mm = 0;    ///< square: from outer face to outer face
-  double wall_mm = 0;    ///< square, outline: thickness of the wall
-  double corner_mm = 0;  ///< square: radius of its outer corners, 0: sharp
-  std::vector<FlatPoint>
-      outline{};            ///< outline: corners of the outer face, convex, around the axis
-  std::vector<Rod> rods{};  ///< that stand in the resin
-  /// Whether light is traced through it face by face: closed forms know round ones without rods.
-  bool traced() const { return shape != VialShape::round || !rods.empty(); }
-  /// Where the vial ends.
-  double outside_mm() const { return jacket_outer_mm > 0 ? jacket_outer_mm : outer_mm; }
-  bool operator==(const Vial&) const = default;
-};
-
-/// telecentric: the light of all pixels is parallel. pinhole: it comes from one point.
-enum class OpticsKind { telecentric, pinhole };
-
-/// How a tomographic printer's light comes to the vial. The image is sharp on the plane through the
-/// axis of rotation that faces the projector; `Printer::pixel_x_um` is its pitch there, without the
-/// vial.
-struct Optics {
-  OpticsKind kind = OpticsKind::telecentric;
-  double distance_mm = 0;     ///< pinhole: from the point to the axis, > the vial's outer radius
-  double half_angle_deg = 0;  ///< of the cone that a pixel's light fills outside the vial, 0..45
-  int rays_per_pixel = 1;     ///< rays that stand for that cone, 1..1000
-  /// Where the image, as seen from the projector, shows the axis of rotation, from its middle to
-  /// the right, and the optical axis, where z is 0, from its middle upwards.
-  double axis_right_px = 0, axis_up_px = 0;
-  /// By how much the image shows the axis of rotation leaning to the right, about that place, -45..45.
-  double tilt_deg = 0;
-  bool operator==(const Optics&) const = default;
-};
-
-/// A bath around the vial of a tomographic printer, with a flat window that faces the projector,
-/// square to the optical axis. The liquid's index is `Vial::n_outside`, too.
-struct Bath {
-  double window_mm = 0;  ///< from the window's outer face, in air, to the axis of rotation
-  double n = 1;          ///< refractive index of the liquid, 1..3
-  double wall_mm = 0;    ///< thickness of the window, >= 0
-  double n_wall = 1.52;  ///< refractive index of the window, 1..3; float glass in violet light
-  bool operator==(const Bath&) const = default;
-};
-
-/// How the vial turns, seen from above.
-enum class TurnDirection { clockwise, counterclockwise };
-
-/// Where the image shows the axis of rotation at one angle, from where `Optics` says.
-struct AxisWobble {
-  double angle_deg = 0;            ///< that the stage has turned since the first frame, 0..360
-  double right_px = 0, up_px = 0;  ///< as seen from the projector, each -1e4..1e4
-  bool operator==(const AxisWobble&) const = default;
-};
-
-/// How a tomographic printer's vial turns.
-struct Rotation {
-  double deg_s = 0;  ///< > 0
-  TurnDirection direction = TurnDirection::clockwise;
-  double max_fps = 0;  ///< images that the projector shows in a second at most; 0 when not given
-  /// Angles rise; linear between them and from the last to the first; empty: none.
-  std::vector<AxisWobble> wobble = {};
-  double turn_s() const { return 360 / deg_s; }
-  bool operator==(const Rotation&) const = default;
 };
 
 /// Layer by layer: what happens between exposures (docs/lifts.md). each: the platform lifts, so every
@@ -403,6 +309,8 @@ struct Resin {
       turbidity{};  ///< how it scatters light forward, one kick at a time; nothing: it does not
   UnreadWords unread{};  ///< words of its file that count for nothing
   bool bleaches() const { return bleaching.has_value(); }
+  /// Whether doses are sums of what each exposure adds (supports.hpp: where other laws are not counted).
+  bool adds_up() const { return !has_gel_time() && !bleaches(); }
   bool operator==(const Resin&) const = default;
 };
 
@@ -418,9 +326,8 @@ inline constexpr double kMostLifeS = 1e9;
 /// Most that `scatter_um2_per_um` may be: light a millimetre deep is spread over as much again.
 inline constexpr double kMostScatter = 1e3;
 
-/// Throws `InputError` where the resin bleaches: that is not counted in `what`, a word or a few.
-void refuse_bleaching(const Resin& resin, const char* what);
-/// The same of a resin that shrinks, or whose first layers grow, where that is not counted.
+/// Throws `InputError` where the resin shrinks, or its first layers grow: that is not counted in `what`, a word
+/// or a few.
 void refuse_shrinkage(const Resin& resin, const char* what);
 
 /// Absorption of the curing light, base e, 1/cm: that of its absorbance height.

@@ -65,6 +65,34 @@ struct Unsupported {
 /// All pairs that are not counted together, in the order in which they are told.
 std::span<const Unsupported> unsupported();
 
+/// What is reckoned of a resin besides the light of slices, each in a way of its own.
+enum class LawUse {
+  flow,
+  tomography,
+  beams,
+  uv_exposure,
+  part_times,
+  part_tuning,
+  scan_tuning,
+  gel_times,
+  absorber,
+  tables,
+  assumed_light,
+  exponent_errors,
+};
+/// "tomographic printing".
+const char* name_of(LawUse use);
+/// A law of cure, of those whose doses are no sums of light, that is not counted in a use.
+struct UncountedLaw {
+  LawUse use;
+  Feature law;
+  /// "{resin}" stands for its name, "{use}" for the use's.
+  const char* words;
+};
+std::span<const UncountedLaw> uncounted_laws();
+/// Throws `InputError` with the words of the table where the resin's law is not counted there.
+void refuse_law(const Resin& resin, LawUse use);
+
 /// The features of a print's light.
 std::vector<Feature> features_of(const Printer& printer, const Resin& resin,
                                  const Process& process);

@@ -99,6 +99,11 @@ std::string features_json() {
                                     {"verdict", name_of_verdict(pair.verdict)},
                                     {"words", pair.words}});
   }
+  json["laws_not_counted"] = nlohmann::ordered_json::array();
+  for (const UncountedLaw& row : uncounted_laws()) {
+    json["laws_not_counted"].push_back(
+        {{"use", name_of(row.use)}, {"law", name_of(row.law)}, {"words", row.words}});
+  }
   return json.dump(1);
 }
 
@@ -122,6 +127,10 @@ std::string features_text() {
                                                                    : "not with",
                           name_of(other));
     }
+  }
+  text += "\nWhere laws of cure are not counted besides\n";
+  for (const UncountedLaw& row : uncounted_laws()) {
+    text += fmt::format("  not in {}: {}\n", name_of(row.use), name_of(row.law));
   }
   return text;
 }

@@ -14,6 +14,7 @@
 #include "slice/placing.hpp"
 #include "slicecorr/chemistry.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/supports.hpp"
 #include "slicecorr/turbidity.hpp"
 #include "support/numbers/bracket.hpp"
 #include "tomo/beams/beam_grid.hpp"
@@ -538,7 +539,7 @@ double most_absorption_per_mm(const Box<std::uint8_t>& part, const std::vector<B
 }
 
 GelTimeOf time_to_gel_of(const Resin& resin) {
-  refuse_bleaching(resin, "printing by beams");
+  refuse_law(resin, LawUse::beams);
   refuse_turbidity(resin, "printing by beams");
   refuse_shrinkage(resin, "printing by beams");
   const double factor = resin.dose_factor > 0 ? resin.dose_factor : 1;

@@ -60,7 +60,6 @@ class StageEstimate {
   /// Measured less commanded position.
   double error_um() const { return error_; }
   double measured_um() const { return measured_; }
-  double measured_at_s() const { return measured_at_; }
   const CommandedMotion& commanded() const { return motion_; }
   /// Time over which a lasting difference is taken into the commanded motion: a stage whose speed
   /// is a little off. That does no harm, since frames and lamps follow the measured stage.

@@ -168,7 +168,6 @@ class CoupledCorrection {
   std::vector<Miss> misses_of(const Figures& figures) const;
   /// Tiles whose doses feel the light of others, these included.
   std::vector<std::size_t> seen_from(const std::vector<std::size_t>& changed) const;
-  bool is_first() const { return now_.round == 0; }
   /// Whether a tile is to be solved in the next round.
   bool is_wanted(const Tile& tile) const;
   PatchTask task_of(const Tile& tile) const;

@@ -54,8 +54,6 @@ class SpreadLight {
   /// columns: of the display.
   PixelBox around(const PixelBox& box) const { return grown(box, reach_x(), reach_y()); }
   const LightBlur& blur() const { return blur_; }
-  /// The spread of the images of a patterned UV lamp.
-  const LightBlur& uv_blur() const { return uv_blur_; }
   /// None where `distances` says how light scatters.
   const SliceScatter& scatter() const { return scatter_; }
   /// How the light of each distance spreads where it scatters and doses do not follow from slice to slice,

@@ -91,10 +91,6 @@ std::vector<SpeedRange> gap_speeds(const PlanLight& light, int slices, double co
   return united(std::move(ranges));
 }
 
-double platform_gap_contrast(const PlanLight& light, int slices, double speed_mm_h) {
-  return std::max(0.0, (1 - light.black(speed_mm_h)) * fall(light, slices));
-}
-
 std::vector<SpeedRange> platform_gap_speeds(const PlanLight& light, int slices, double contrast) {
   const double p0 = 1 - contrast / fall(light, slices);
   if (!(p0 > 0) || light.smin_mm_h / p0 > light.smax_mm_h) return {};

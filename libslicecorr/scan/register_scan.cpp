@@ -236,12 +236,6 @@ void check_mirror_image(const std::string& source, const ScanPoints& points,
 
 }  // namespace
 
-Pose refine_pose(const Scan& scan, const MeshDistance& distance, const Pose& begin, double reach_mm,
-                 const ExecutionContext& context) {
-  return close_search(thinned(scan, kClosePoints), distance, begin, reach_mm, kMostRounds, context)
-      .pose;
-}
-
 Registration register_scan(const Scan& scan, const TriangleMesh& surface,
                            const MeshDistance& distance, const ExecutionContext& context) {
   const CoarseTarget target(surface);

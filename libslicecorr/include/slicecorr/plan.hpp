@@ -69,8 +69,7 @@ PlanLight plan_light(const CureModel& model, double speed_mm_h);
 double gap_contrast(const PlanLight& light, int slices, double speed_mm_h);
 /// Where it is at least `contrast` > 0.
 std::vector<SpeedRange> gap_speeds(const PlanLight& light, int slices, double contrast);
-/// Contrast of a gap between the platform and a feature: nothing must cure in it but that feature's edge.
-double platform_gap_contrast(const PlanLight& light, int slices, double speed_mm_h);
+/// The same of a gap between the platform and a feature: nothing must cure in it but that feature's edge.
 std::vector<SpeedRange> platform_gap_speeds(const PlanLight& light, int slices, double contrast);
 
 struct BestGap {

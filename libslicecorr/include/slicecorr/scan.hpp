@@ -98,9 +98,6 @@ struct Registration {
 /// come near at all: then it is another part.
 Registration register_scan(const Scan& scan, const TriangleMesh& surface,
                            const MeshDistance& distance, const ExecutionContext& context = {});
-/// From `begin` on by close search alone.
-Pose refine_pose(const Scan& scan, const MeshDistance& distance, const Pose& begin, double reach_mm,
-                 const ExecutionContext& context = {});
 
 /// How far a share of the points is off, um; above 0: too much was printed.
 struct DeviationFigures {

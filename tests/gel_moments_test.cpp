@@ -88,7 +88,7 @@ TEST(GelMoments, AreThoseOfSumsOfLight) {
       for (int n = kLayers; n-- > 0;) {
         for (std::size_t c = 0; c < kColumns; ++c)
           pixels[c] = columns[c][static_cast<std::size_t>(n)];
-        predictor.add_slice(n, pixels.data(), pixels.data(), nullptr);
+        predictor.add_slice(n, pixels.data(), pixels.data());
       }
       for (std::size_t c = 0; c < kColumns; ++c) {
         SCOPED_TRACE(testing::Message() << round << " " << speed_mm_h << " column " << c);

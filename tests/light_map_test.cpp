@@ -5,7 +5,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
+#include <cstdint>
 
 #include "flat_fields.hpp"
 #include "slicecorr/inhibited.hpp"
@@ -23,6 +25,11 @@ TEST(LightMap, WithoutOneAllIsEven) {
   const LightMap map(linear_printer(1, 100), kGrid, {});
   EXPECT_TRUE(map.even());
   EXPECT_EQ(map.factor(map.value(3, 4)), 1);
+  // All pixels of a box count with the reference, and nothing else does; of an empty one none.
+  std::array<std::uint64_t, 256> expected{};
+  EXPECT_EQ(map.counts({3, 4, 3, 9}), expected);
+  expected[map.reference()] = 13 * 5;
+  EXPECT_EQ(map.counts({3, 4, 16, 9}), expected);
 }
 
 TEST(LightMap, AsManyValuesAsPixelsAreTakenAsTheyAre) {

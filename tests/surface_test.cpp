@@ -250,11 +250,12 @@ TEST(SurfacePrediction, ErrorsAreThoseOfTheDoseItself) {
         edges[n * 64] = n < heights.size() ? heights[n] : std::uint8_t{0};
       }
       if (in_tiles) {
-        predictor.add_tile(0, 1, 0, plan.all_layers, pixels.data(), covers.data(), edges.data());
+        predictor.add_tile({0, 1, 0, plan.all_layers}, pixels.data(),
+                           {covers.data(), edges.data()});
       } else {
         for (std::size_t n = all; n-- > 0;) {
-          predictor.add_slice(static_cast<int>(n), &pixels[n * 64], &covers[n * 64],
-                              &edges[n * 64]);
+          predictor.add_slice(static_cast<int>(n), &pixels[n * 64],
+                              {&covers[n * 64], &edges[n * 64]});
         }
       }
       const Prediction p = predictor.finish(0, 0, 1);

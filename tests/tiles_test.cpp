@@ -177,7 +177,7 @@ void check_prediction(const Case& c, const std::vector<Column>& pixels, int show
           design[to] = at(c.designs[first + i], n);
         }
       }
-      tiles.add_tile(first, count, begin, end - begin, end > shown ? nullptr : light.data(),
+      tiles.add_tile({first, count, begin, end - begin}, end > shown ? nullptr : light.data(),
                      design.data());
       end = begin;
     }

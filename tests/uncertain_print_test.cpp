@@ -117,8 +117,8 @@ std::map<EdgeKey, double> predicted(const CureModel& model,
     errors[{node, upper}] = um / model.layer_um;
   });
   for (std::size_t n = pixels.size(); n-- > 0;) {
-    predictor.add_slice(static_cast<int>(n), &pixels[n], &coverage[n],
-                        n < heights.size() ? &heights[n] : nullptr);
+    predictor.add_slice(static_cast<int>(n), &pixels[n],
+                        {&coverage[n], n < heights.size() ? &heights[n] : nullptr});
   }
   const Prediction p = predictor.finish(0, 0, 1);
   if (figures) *figures = p;

@@ -16,21 +16,16 @@ namespace slicecorr::detail {
 namespace {
 
 /// The edge heights of the node after the last slice, where no slice is shown that has it as its
-/// upper node. `heights`: null without.
-void add_last_heights(BandPredictor& predictor, const CorrectionPlan& plan,
-                      const std::uint8_t* heights, std::size_t columns, bool in_tiles) {
-  const std::uint8_t* const dark = nullptr;
-  if (!in_tiles) {
-    predictor.add_slice(plan.all_layers, dark, nullptr, heights);
-    return;
-  }
+/// upper node, in tiles. `heights`: null without.
+void add_last_heights(BandPredictor& predictor, int slice, const std::uint8_t* heights,
+                      std::size_t columns) {
   constexpr std::size_t lanes = BandPredictor::kTileColumns;
   const std::uint8_t empty[lanes] = {};
   for (std::size_t b = 0; b < columns; b += lanes) {
     const std::size_t width = std::min(lanes, columns - b);
     std::uint8_t part[lanes] = {};
     if (heights) std::copy_n(heights + b, width, part);
-    predictor.add_tile(b, width, plan.all_layers, 1, nullptr, empty, heights ? part : nullptr);
+    predictor.add_tile({b, width, slice, 1}, nullptr, {empty, heights ? part : nullptr});
   }
 }
 
@@ -44,14 +39,14 @@ void solve_in_tiles(BandCorrector& corrector, const CorrectionPlan& plan, const 
   corrector.solve(sink, [&](const Tile& t) {
     const auto size = static_cast<std::size_t>(t.slices) * Tile::kStride;
     const std::uint8_t* const lit = pixels_of(t.levels, size, room);
-    to.after->add_tile(t.first_column, t.columns, t.first_slice, t.slices, lit, t.coverage,
-                       t.heights);
+    to.after->add_tile({t.first_column, t.columns, t.first_slice, t.slices}, lit,
+                       {t.coverage, t.heights});
     if (!to.before) return;
     // Slices after the part's end belong to the correction, not to the target.
     const int inside = std::clamp(plan.layers - t.first_slice, 0, t.slices);
-    to.before->add_tile(t.first_column, t.columns, t.first_slice + inside, t.slices - inside,
+    to.before->add_tile({t.first_column, t.columns, t.first_slice + inside, t.slices - inside},
                         nullptr, t.coverage + static_cast<std::size_t>(inside) * Tile::kStride);
-    to.before->add_tile(t.first_column, t.columns, t.first_slice, inside, t.coverage, t.coverage);
+    to.before->add_tile({t.first_column, t.columns, t.first_slice, inside}, t.coverage, t.coverage);
   });
 }
 
@@ -64,8 +59,11 @@ CodedBand upright(const CodedBand& upwards) {
 
 /// Corrects a group so that features and gaps hold although inputs are off. What prints is measured
 /// against the design itself, not against what was aimed at.
-void correct_robustly(const CorrectionPlan& plan, const RobustAsk& ask, const DesignGroup& group,
-                      const GroupListeners& to, const ExecutionContext& context) {
+void correct_robustly(const PlacePlans& plans, const DesignGroup& group, const GroupListeners& to,
+                      const ExecutionContext& context) {
+  const CorrectionPlan& plan = plans.plan(group.value);
+  const RobustAsk ask{*plans.robust(), plans.cases(group.value),
+                      group.doses ? &*group.doses : nullptr};
   CodedDesign design(group.columns, group.heights != nullptr, group.left_alone);
   group.read(Surface::mesh, [&](int n, const std::uint8_t* rows, const std::uint8_t* heights) {
     design.append(rows, heights);
@@ -83,11 +81,8 @@ void correct_robustly(const CorrectionPlan& plan, const RobustAsk& ask, const De
       put(slices - 1 - at, black ? nullptr : pixels_of(levels.data(), group.columns, room));
     }
   };
-  const int predicted = design.heights ? std::max(slices, plan.layers + 1) : slices;
   const auto predict = [&](BandPredictor* predictor, const CodedBand& upwards) {
-    if (!predictor) return;
-    predict_shown(*predictor, plan.model.is_plain(), upright(upwards), slices, design, predicted,
-                  nullptr, context);
+    if (predictor) predict_shown(*predictor, {upright(upwards), slices}, design, context);
   };
   CodedBand shown(group.columns), plain(group.columns);
   pixels(made.levels, [&](int n, const std::uint8_t* rows) {
@@ -106,11 +101,11 @@ void correct_robustly(const CorrectionPlan& plan, const RobustAsk& ask, const De
 }  // namespace
 
 void correct_group(const CorrectionPlan& plan, const DesignGroup& group, const GroupListeners& to,
-                   const ExecutionContext& context, BandCorrector::ColumnLevels most) {
+                   const ExecutionContext& context) {
   const std::size_t columns = group.columns;
   BandCorrector corrector = group.doses ? BandCorrector(plan, columns, group.doses->of_columns())
                                         : BandCorrector(plan, columns, group.left_alone != nullptr);
-  if (most) corrector.keep_light(std::move(most));
+  if (to.most) corrector.keep_light(to.most);
   LeftAloneRows left_rows(group.left_alone);
   const bool in_tiles = to.after && plan.model.is_plain() && !group.left_alone && !group.doses &&
                         !plan.merge_one_slice_gaps;
@@ -119,10 +114,12 @@ void correct_group(const CorrectionPlan& plan, const DesignGroup& group, const G
     if ((n & 63) == 0) context.check_cancelled();
     corrector.add_layer(rows, its_heights, left_rows.at(n));
     if (to.design) to.design(n, rows, its_heights);
-    if (to.after && n == plan.all_layers) {
-      add_last_heights(*to.after, plan, its_heights, columns, in_tiles);
-    }
-    if (to.after && !in_tiles) heights.append(its_heights);
+    if (!to.after) return;
+    if (!in_tiles) heights.append(its_heights);
+    if (n != plan.all_layers) return;
+    if (in_tiles) return add_last_heights(*to.after, n, its_heights, columns);
+    const std::uint8_t* const dark = nullptr;
+    to.after->add_slice(n, dark, {nullptr, its_heights});
   });
   const PixelsOfLevels pixels_of(plan.levels.size());
   std::vector<std::uint8_t> pixels, height_rows(columns), sliced(columns);
@@ -137,11 +134,11 @@ void correct_group(const CorrectionPlan& plan, const DesignGroup& group, const G
     const bool has_heights = n < heights.slices() && !heights.black(n);
     if (has_heights) heights.read(n, height_rows.data());
     const std::uint8_t* const left = left_rows.at(n);
-    to.after->add_slice(n, lit, coverage, has_heights ? height_rows.data() : nullptr, left);
+    to.after->add_slice(n, lit, {coverage, has_heights ? height_rows.data() : nullptr, left});
     if (!to.before) return;
     const std::uint8_t* const before =
         n < plan.layers ? as_sliced(coverage, left, sliced) : nullptr;
-    to.before->add_slice(n, before, coverage, nullptr, left);
+    to.before->add_slice(n, before, {coverage, nullptr, left});
   };
   if (in_tiles) {
     solve_in_tiles(corrector, plan, to, sink);
@@ -152,13 +149,10 @@ void correct_group(const CorrectionPlan& plan, const DesignGroup& group, const G
 
 void correct_group(const PlacePlans& plans, const DesignGroup& group, const GroupListeners& to,
                    const ExecutionContext& context) {
-  const CorrectionPlan& plan = plans.plan(group.value);
-  if (plans.robust()) {
-    const RobustAsk ask{*plans.robust(), plans.cases(group.value),
-                        group.doses ? &*group.doses : nullptr};
-    return correct_robustly(plan, ask, group, to, context);
-  }
-  correct_group(plan, group, to, context, plans.even_levels(group.value, group.place));
+  if (plans.robust()) return correct_robustly(plans, group, to, context);
+  GroupListeners kept = to;
+  kept.most = plans.even_levels(group.value, group.place);
+  correct_group(plans.plan(group.value), group, kept, context);
 }
 
 void correct_band(const SliceSource& target, const PlacePlans& plans, const PixelBox& band,

@@ -15,7 +15,8 @@
 
 namespace slicecorr::detail {
 
-/// What is told of a group; of all but `put` what is null is not asked.
+/// What is told of a group, and within what light it is corrected; of all but `put` what is null is not
+/// asked.
 struct GroupListeners {
   PutRows put;  ///< pixels of every slice, from the last to the first
   BandPredictor* after = nullptr;
@@ -25,12 +26,13 @@ struct GroupListeners {
   /// Of a robust correction: what the plain one prints, and the figures of both.
   BandPredictor* plain = nullptr;
   RobustFigures* robust = nullptr;
+  BandCorrector::ColumnLevels most = {};  ///< as for `BandCorrector::keep_light`; of even light
 };
 
 /// Corrects columns that share a plan. The group's light (`DesignGroup::value`) counts for nothing.
-/// `most`: as for `BandCorrector::keep_light`; empty without even light. Throws `Cancelled`.
+/// Throws `Cancelled`.
 void correct_group(const CorrectionPlan& plan, const DesignGroup& group, const GroupListeners& to,
-                   const ExecutionContext& context, BandCorrector::ColumnLevels most = {});
+                   const ExecutionContext& context);
 /// The same by the plan of the group's light, robust where the plans are, with their even light.
 void correct_group(const PlacePlans& plans, const DesignGroup& group, const GroupListeners& to,
                    const ExecutionContext& context);

@@ -75,25 +75,26 @@ CodedBand marked_band_of(const SliceSource& target, const PixelBox& band) {
 
 namespace {
 
-void predict_tiles(BandPredictor& predictor, const CodedBand& shown, int layers,
-                   const CodedDesign& design, int all_layers, const ExecutionContext& context) {
+void predict_tiles(BandPredictor& predictor, const ShownSlicesOf& shown, const CodedDesign& design,
+                   const ExecutionContext& context) {
   constexpr std::size_t lanes = BandPredictor::kTileColumns;
   constexpr int most = 64;
-  const std::size_t columns = shown.columns();
+  const std::size_t columns = shown.band.columns();
   std::vector<std::uint8_t> pixels(columns * most), coverage(columns * most), heights;
   std::vector<std::uint8_t> lit(lanes * most, 0), cover(lanes * most, 0), edges;
   if (design.heights) {
     heights.resize(columns * most);
     edges.resize(lanes * most, 0);
   }
-  for (int end = all_layers; end > 0;) {
+  for (int end = predictor.all_layers(); end > 0;) {
     context.check_cancelled();
-    const int begin = std::max({0, end - most, end > layers ? layers : 0});
+    const bool dark = end > shown.layers;
+    const int begin = std::max({0, end - most, dark ? shown.layers : 0});
     const auto count = static_cast<std::size_t>(end - begin);
     bool any_heights = false;
     for (std::size_t k = 0; k < count; ++k) {
       const int n = begin + static_cast<int>(k);
-      shown.read(n, &pixels[k * columns]);
+      shown.band.read(n, &pixels[k * columns]);
       design.coverage.read(n, &coverage[k * columns]);
       if (!design.heights) continue;
       design.heights->read(n, &heights[k * columns]);
@@ -106,8 +107,8 @@ void predict_tiles(BandPredictor& predictor, const CodedBand& shown, int layers,
         std::copy_n(&coverage[k * columns + b], width, &cover[k * lanes]);
         if (any_heights) std::copy_n(&heights[k * columns + b], width, &edges[k * lanes]);
       }
-      predictor.add_tile(b, width, begin, end - begin, end > layers ? nullptr : lit.data(),
-                         cover.data(), any_heights ? edges.data() : nullptr);
+      predictor.add_tile({b, width, begin, end - begin}, dark ? nullptr : lit.data(),
+                         {cover.data(), any_heights ? edges.data() : nullptr});
     }
     end = begin;
   }
@@ -115,23 +116,23 @@ void predict_tiles(BandPredictor& predictor, const CodedBand& shown, int layers,
 
 }  // namespace
 
-void predict_shown(BandPredictor& predictor, bool plain, const CodedBand& shown, int layers,
-                   const CodedDesign& design, int all_layers, WindowWatch* watch,
+void predict_shown(BandPredictor& predictor, const ShownSlicesOf& shown, const CodedDesign& design,
                    const ExecutionContext& context) {
-  if (plain && !design.left_alone) {
-    predict_tiles(predictor, shown, layers, design, all_layers, context);
+  if (predictor.takes_tiles() && !design.left_alone) {
+    predict_tiles(predictor, shown, design, context);
     return;
   }
-  const std::size_t columns = shown.columns();
+  const std::size_t columns = shown.band.columns();
   std::vector<std::uint8_t> pixels(columns), coverage(columns), height_rows(columns);
   LeftAloneRows left_alone(design.left_alone);
-  for (int n = all_layers; n-- > 0;) {
+  for (int n = predictor.all_layers(); n-- > 0;) {
     if ((n & 63) == 0) context.check_cancelled();
-    shown.read(n, pixels.data());
+    shown.band.read(n, pixels.data());
     design.coverage.read(n, coverage.data());
-    predictor.add_slice(n, n < layers ? pixels.data() : nullptr, coverage.data(),
-                        design.heights_at(n, height_rows.data()), left_alone.at(n));
-    if (watch && n < layers) watch->add_slice(n, pixels.data());
+    predictor.add_slice(
+        n, n < shown.layers ? pixels.data() : nullptr,
+        {coverage.data(), design.heights_at(n, height_rows.data()), left_alone.at(n)});
+    if (shown.watch && n < shown.layers) shown.watch->add_slice(n, pixels.data());
   }
 }
 

@@ -88,6 +88,13 @@ inline void read_design(const BandReader& coverage, const CodedBand* heights, Su
   edges.finish();
 }
 
+/// What is read of a band of a target.
+struct DesignParts {
+  BandReader coverage;
+  const CodedBand* heights = nullptr;     ///< edge heights; null: none
+  const CodedBand* left_alone = nullptr;  ///< null: nothing
+};
+
 /// A design kept to be read in any order.
 struct CodedDesign {
   CodedBand coverage;
@@ -99,10 +106,10 @@ struct CodedDesign {
       : coverage(columns), left_alone(its_left_alone) {
     if (with_heights) heights.emplace(columns);
   }
-  CodedDesign(std::size_t columns, const BandReader& reader, const CodedBand* edge_heights,
-              Surface surface, const CodedBand* its_left_alone)
-      : CodedDesign(columns, edge_heights != nullptr, its_left_alone) {
-    read_design(reader, edge_heights, surface,
+  /// `parts`: of the target, which must outlive this.
+  CodedDesign(std::size_t columns, const DesignParts& parts, Surface surface)
+      : CodedDesign(columns, parts.heights != nullptr, parts.left_alone) {
+    read_design(parts.coverage, parts.heights, surface,
                 [this](int, const std::uint8_t* rows, const std::uint8_t* its_heights) {
                   append(rows, its_heights);
                 });
@@ -120,10 +127,14 @@ struct CodedDesign {
   }
 };
 
-/// `layers` slices shown, then no light up to `all_layers`. `plain`: of the model
-/// (CureModel::is_plain). `watch`: null, or takes the slices, too.
-void predict_shown(BandPredictor& predictor, bool plain, const CodedBand& shown, int layers,
-                   const CodedDesign& design, int all_layers, WindowWatch* watch,
+/// So many slices shown, then no light.
+struct ShownSlicesOf {
+  const CodedBand& band;
+  int layers;
+  WindowWatch* watch = nullptr;  ///< null, or takes the slices, too
+};
+/// Up to `BandPredictor::all_layers`.
+void predict_shown(BandPredictor& predictor, const ShownSlicesOf& shown, const CodedDesign& design,
                    const ExecutionContext& context);
 
 }  // namespace slicecorr::detail

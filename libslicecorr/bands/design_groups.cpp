@@ -101,7 +101,6 @@ DesignBand::DesignBand(const SliceSource& target, const LightMap& map, const Pix
 DesignBand::~DesignBand() = default;
 
 void DesignBand::count(LightCounts& counts) const {
-  if (!kept_->grouped) return;
   for (const DesignGroup& g : groups_) counts[g.value] += g.columns;
 }
 

@@ -46,7 +46,7 @@ struct DesignGroup {
     read_design(coverage, heights, surface, sink);
   }
   CodedDesign coded(Surface surface) const {
-    return {columns, coverage, heights, surface, left_alone};
+    return {columns, {coverage, heights, left_alone}, surface};
   }
 };
 
@@ -68,7 +68,7 @@ class DesignBand {
   DesignBand& operator=(const DesignBand&) = delete;
 
   const std::vector<DesignGroup>& groups() const { return groups_; }
-  /// Where light is uneven how many columns are in groups, added up by value of light.
+  /// How many columns are in groups, added up by value of light.
   void count(LightCounts& counts) const;
   /// `make` gives the rows of a group to its second argument, `slices` of them, from the last slice to
   /// the first; `put` gets those of the band.

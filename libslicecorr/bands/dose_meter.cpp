@@ -73,8 +73,7 @@ void check_doses(const DoseTarget& doses, const SliceSource& target, const Place
   const double most = doses.scale.greatest();
   for (std::size_t v = 1; v < part.size(); ++v) {
     const auto value = static_cast<std::uint8_t>(v);
-    if (part[v] == 0 && !models.even()) continue;
-    if (models.even() && value != models.map().reference()) continue;
+    if (part[v] == 0) continue;
     const CureModel& model = models.model(value);
     const bool layerwise = model.mode == ExposureMode::layerwise;
     const double reached = most_dose(model);

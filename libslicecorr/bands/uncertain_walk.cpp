@@ -98,10 +98,9 @@ void UncertainTotal::add(UncertainBand& band, const BandPredictor::PixelOfColumn
   total_.merge(figures);
 }
 
-void UncertainTotal::add(std::uint8_t value, std::size_t columns, const ShownSlice& shown,
-                         const CodedDesign& design, int all_layers, bool at_heights,
-                         const BandPredictor::PixelOfColumn& place,
+void UncertainTotal::add(const DesignGroup& group, const Walked& slices, const CodedDesign& design,
                          const ExecutionContext& context) {
+  const std::size_t columns = group.columns;
   // A few columns at a time, so that what is known of them stays in the nearest caches; their slices
   // are read some at a time.
   constexpr std::size_t width = 256;
@@ -110,7 +109,8 @@ void UncertainTotal::add(std::uint8_t value, std::size_t columns, const ShownSli
   UncertainPrint figures;
   std::vector<UncertainBand> bands;
   for (const std::size_t from : starts) {
-    bands.push_back(band(value, all_layers, std::min(width, columns - from), at_heights));
+    bands.push_back(
+        band(group.value, slices.all_layers, std::min(width, columns - from), slices.at_heights));
     bands.back().add_to(figures);
   }
   LeftAloneRows left_alone(design.left_alone);
@@ -125,12 +125,12 @@ void UncertainTotal::add(std::uint8_t value, std::size_t columns, const ShownSli
     const std::uint8_t* at(std::size_t column) const { return none ? nullptr : &bytes[column]; }
   };
   std::vector<Rows> pixels(most), coverage(most), heights(most);
-  for (int end = all_layers; end > 0; end -= most) {
+  for (int end = slices.all_layers; end > 0; end -= most) {
     context.check_cancelled();
     const int first = std::max(0, end - most);
     for (int n = first; n < end; ++n) {
       const auto k = static_cast<std::size_t>(n - first);
-      pixels[k].take(shown(n), columns);
+      pixels[k].take(slices.shown(n), columns);
       design.coverage.read(n, row.data());
       coverage[k].take(marked(row.data(), left_alone.at(n), room), columns);
       heights[k].take(design.heights_at(n, row.data()), columns);
@@ -144,7 +144,7 @@ void UncertainTotal::add(std::uint8_t value, std::size_t columns, const ShownSli
     }
   }
   for (std::size_t b = 0; b < bands.size(); ++b) {
-    const auto place_in_part = [&](std::size_t column) { return place(starts[b] + column); };
+    const auto place_in_part = [&](std::size_t column) { return group.place(starts[b] + column); };
     bands[b].finish(place_in_part, figures);
     maps_.add(bands[b].sides(), place_in_part);
   }

@@ -12,6 +12,7 @@
 #include <optional>
 
 #include "bands/design_band.hpp"
+#include "bands/design_groups.hpp"
 #include "bands/surface_collector.hpp"
 #include "slicecorr/place_models.hpp"
 #include "slicecorr/setup.hpp"
@@ -42,11 +43,15 @@ class UncertainTotal {
   UncertainBand band(std::uint8_t value, int all_layers, std::size_t columns,
                      bool at_heights) const;
   void add(UncertainBand& band, const BandPredictor::PixelOfColumn& place);
-  /// Columns that share a value of light: `all_layers` slices of `shown` and `design`. `at_heights`: as
-  /// `UncertainBand::aim_at_heights`.
-  void add(std::uint8_t value, std::size_t columns, const ShownSlice& shown,
-           const CodedDesign& design, int all_layers, bool at_heights,
-           const BandPredictor::PixelOfColumn& place, const ExecutionContext& context);
+  /// Slices that columns show, and the design's after them.
+  struct Walked {
+    ShownSlice shown;
+    int all_layers;
+    bool at_heights;  ///< as `UncertainBand::aim_at_heights`
+  };
+  /// Columns that share a value of light; of the group light, number and places count.
+  void add(const DesignGroup& group, const Walked& slices, const CodedDesign& design,
+           const ExecutionContext& context);
   /// Once, after all bands.
   std::shared_ptr<const UncertainPrint> result(
       const std::optional<RobustFigures>& robust = std::nullopt) const;

@@ -76,26 +76,31 @@ WalkSearches::Search& WalkSearches::of(std::size_t index) {
   return *one;
 }
 
-void ColumnWalk::add(const CureModel& model, int slice, std::uint8_t cover, std::uint8_t height,
-                     bool left_alone, double light) {
-  if (begins(cover, left_alone)) {
+void ColumnWalk::add(const CoverageRun& covered) {
+  const bool joined = !runs_.empty() && !runs_.back().left_alone;
+  if (joined && runs_.back().cover == covered.coverage) return;
+  ColumnRun run;
+  run.node = covered.first;
+  run.cover = covered.coverage;
+  const bool edge = joined && opposite(runs_.back().cover, covered.coverage);
+  if (edge && covered.upper_height != 0) run.height = covered.upper_height;
+  runs_.push_back(run);
+}
+
+void ColumnWalk::add_left_alone(const CureModel& model, int slice, double light) {
+  if (runs_.empty() || !runs_.back().left_alone) {
     ColumnRun run;
     run.node = slice;
-    run.cover = left_alone ? std::uint8_t{0} : cover;
-    run.left_alone = left_alone;
-    const bool edge = !runs_.empty() && !left_alone && !runs_.back().left_alone &&
-                      opposite(runs_.back().cover, cover);
-    if (edge && height != 0) run.height = height;
+    run.cover = 0;
+    run.left_alone = true;
     runs_.push_back(run);
   }
-  if (left_alone) {
-    ColumnRun& run = runs_.back();
-    const double left =
-        model.heights.alike()
-            ? std::pow(model.a, slice - run.node)
-            : std::exp((model.depth(run.node) - model.depth(slice)) * model.eta * units::kLn10);
-    run.light += model.one_minus_a_of(slice) * left * light;
-  }
+  ColumnRun& run = runs_.back();
+  const double left =
+      model.heights.alike()
+          ? std::pow(model.a, slice - run.node)
+          : std::exp((model.depth(run.node) - model.depth(slice)) * model.eta * units::kLn10);
+  run.light += model.one_minus_a_of(slice) * left * light;
 }
 
 std::int32_t ColumnWalk::edge_of(WalkSearches& all, std::size_t index) {

@@ -18,6 +18,7 @@
 #include <memory>
 #include <vector>
 
+#include "correct/column_solver.hpp"
 #include "correct/level_search.hpp"
 #include "slicecorr/correct.hpp"
 
@@ -100,16 +101,12 @@ struct BrightLevels {
 /// One column: first its slices from the platform on, then the walk back.
 class ColumnWalk {
  public:
-  /// The next slice. `light`: phi of a slice that is left alone, for what it counts.
-  void add(const CureModel& model, int slice, std::uint8_t cover, std::uint8_t height,
-           bool left_alone, double light);
+  /// The next run of what is covered.
+  void add(const CoverageRun& covered);
+  /// The next slice that is left alone. `light`: its phi, for what it counts.
+  void add_left_alone(const CureModel& model, int slice, double light);
   /// The run that was added last, of those that are left; there must be one.
   const ColumnRun& last() const { return runs_.back(); }
-  /// Whether a slice would begin another run.
-  bool begins(std::uint8_t cover, bool left_alone) const {
-    return runs_.empty() || runs_.back().left_alone != left_alone ||
-           (!left_alone && runs_.back().cover != cover);
-  }
   /// Whether what lies above the last run asks nothing: the platform, or what is left alone.
   bool free_above() const { return runs_.size() < 2 || runs_[runs_.size() - 2].left_alone; }
   /// The upper edge of the last run, as the search `index` has it.

@@ -49,11 +49,11 @@ void WalkedColumn::begin(const std::vector<CoverageRun>& runs, const ColumnBound
                [&](const CoverageRun& run, const LeftAloneRun* left) {
                  if (left) {
                    for (int n = run.first; n < run.end; ++n) {
-                     walk_.add(model, n, 0, 0, true, light(n, left->level));
+                     walk_.add_left_alone(model, n, light(n, left->level));
                    }
                    return;
                  }
-                 walk_.add(model, run.first, run.coverage, run.upper_height, false, 0.0);
+                 walk_.add(run);
                  if (wanted_ && run.coverage == kFull) wanted_->bound(walk_, run.end);
                });
   walk_.begin(plan_.all_layers);
@@ -93,9 +93,7 @@ std::vector<double> solve_walked_exactly(const CorrectionPlan& plan,
   const int all = plan.all_layers, bath = plan.model.bath_slices;
   WalkSearches searches(plan, true);
   ColumnWalk walk;
-  for_each_run(runs, {}, all, [&](const CoverageRun& run, const LeftAloneRun*) {
-    walk.add(plan.model, run.first, run.coverage, run.upper_height, false, 0.0);
-  });
+  for_each_run(runs, {}, all, [&](const CoverageRun& run, const LeftAloneRun*) { walk.add(run); });
   walk.begin(all);
   std::vector<double> phi(static_cast<std::size_t>(std::max(all, 0)));
   const auto far = [&](int n) {

@@ -70,7 +70,7 @@ void PlannedImages::read_band(const PixelBox& band, const Sink& sink) const {
       runs.push_back({coverage[i].at, more ? coverage[i + 1].at : layers, coverage[i].value});
     }
     const Pixel pixel = pixel_of(column);
-    const std::uint8_t value = plans_.even() ? map.reference() : map.value(pixel.x, pixel.y);
+    const std::uint8_t value = map.value(pixel.x, pixel.y);
     auto found = places.find(value);
     if (found == places.end()) {
       found = places.try_emplace(value, plans_, value, band).first;

@@ -107,8 +107,7 @@ class StackCorrection {
   void judge_together(Correction& result) const;
   const CureModel& model() const { return plans_.models().brightest(); }
   Prediction of_whole_image(const Prediction& in_bands, int slices) const {
-    return plans_.even() ? whole_image(in_bands, model(), grid_, slices, bands_)
-                         : whole_image(in_bands, plans_.models(), grid_, slices, grouped_columns_);
+    return whole_image(in_bands, plans_.models(), grid_, slices, grouped_columns_);
   }
 
   const SliceSource& target_;
@@ -137,7 +136,7 @@ class StackCorrection {
   // Merging does not depend on the order of bands, and a band's histograms are large.
   std::mutex merging_;
   Prediction after_, before_, plain_;
-  LightCounts grouped_columns_{};    ///< where the display's light is uneven
+  LightCounts grouped_columns_{};    ///< by value of light
   std::vector<RegionDose> regions_;  ///< where doses are wanted
   LayerAreas areas_;
   RobustFigures robust_;  ///< where the correction is robust
@@ -333,10 +332,9 @@ void StackCorrection::Band::correct(const DesignGroup& of, const PutRows& put_ro
   }
   correct_group(whole_.plans_, group, to, whole_.context_);
   if (apart) {
-    const detail::CodedDesign sharp(count, detail::reader_of(as_read), of.heights, Surface::mesh,
-                                    of.left_alone);
-    detail::predict_shown(before, plan.model.is_plain(), as_shown, plan.layers, sharp, predicted,
-                          nullptr, whole_.context_);
+    const detail::CodedDesign sharp(count, {detail::reader_of(as_read), of.heights, of.left_alone},
+                                    Surface::mesh);
+    detail::predict_shown(before, {as_shown, plan.layers}, sharp, whole_.context_);
   }
   if (meter) detail::merge_regions(regions_, meter->regions());
   if (uncertain) {
@@ -346,8 +344,8 @@ void StackCorrection::Band::correct(const DesignGroup& of, const PutRows& put_ro
       shown_upwards.read(slices - 1 - n, pixels.data());
       return pixels.data();
     };
-    whole_.uncertain_->add(of.value, count, shown_at, looked_at, predicted, of.heights != nullptr,
-                           of.place, whole_.context_);
+    whole_.uncertain_->add(of, {shown_at, predicted, of.heights != nullptr}, looked_at,
+                           whole_.context_);
   }
   after_ = after.finish(of.place);
   before_ = before.finish(of.place);

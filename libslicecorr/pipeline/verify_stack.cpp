@@ -134,7 +134,7 @@ class Verification {
   Prediction result() const {
     const Grid& grid = stack_.grid();
     Prediction p =
-        models_.even() || !spread_.none()
+        !spread_.none()
             ? detail::whole_image(total_, models_.brightest(), grid, layers_, bands_, recorded_)
             : detail::whole_image(total_, models_, grid, layers_, grouped_columns_, recorded_);
     if (window_) p.dead_zones = window_->result();
@@ -172,6 +172,7 @@ class Verification {
   /// Columns of one value of light, whose figures go on from those before them.
   void predict(const detail::DesignGroup& group, Prediction& figures,
                detail::PrintedBodies::Band& bodies);
+  bool aims_at_heights() const { return surface_ == Surface::mesh && target_.edge_heights(); }
   /// Slices of a recording, which show several images. `watch`: null, or takes them, too.
   void predict_showings(BandPredictor& predictor, const CodedBand& shown, const CodedDesign& design,
                         WindowWatch* watch) const;
@@ -194,7 +195,7 @@ class Verification {
   std::optional<detail::UncertainTotal> uncertain_;  ///< where it is asked how sure it is
   std::mutex merging_;
   Prediction total_;
-  detail::LightCounts grouped_columns_{};  ///< where the display's light is uneven
+  detail::LightCounts grouped_columns_{};  ///< by value of light, where none spreads
 };
 
 void Verification::predict(const detail::DesignGroup& group, Prediction& figures,
@@ -205,7 +206,7 @@ void Verification::predict(const detail::DesignGroup& group, Prediction& figures
   const CureModel& model = models_.model(group.value);
   BandPredictor predictor(model, models_.curve(group.value), all_layers_, columns,
                           slices_.recorded());
-  if (surface_ == Surface::mesh && target_.edge_heights()) predictor.aim_at_heights();
+  if (aims_at_heights()) predictor.aim_at_heights();
   predictor.keep_sides();
   bodies.listen(predictor, group.of_band);
   predictor.go_on_from(std::move(figures));
@@ -214,8 +215,7 @@ void Verification::predict(const detail::DesignGroup& group, Prediction& figures
   if (recorded_) {
     predict_showings(predictor, shown, design, watch ? &*watch : nullptr);
   } else {
-    detail::predict_shown(predictor, model.is_plain(), shown, layers_, design, all_layers_,
-                          watch ? &*watch : nullptr, context_);
+    detail::predict_shown(predictor, {shown, layers_, watch ? &*watch : nullptr}, design, context_);
   }
   figures = predictor.finish(group.place);
   surface_maps_.add(predictor.sides(), group.place);
@@ -226,8 +226,7 @@ void Verification::predict(const detail::DesignGroup& group, Prediction& figures
       shown.read(n, pixels.data());
       return pixels.data();
     };
-    uncertain_->add(group.value, columns, shown_at, design, all_layers_,
-                    surface_ == Surface::mesh && target_.edge_heights(), group.place, context_);
+    uncertain_->add(group, {shown_at, all_layers_, aims_at_heights()}, design, context_);
   }
   if (!watch) return;
   const std::lock_guard lock(merging_);
@@ -243,8 +242,8 @@ void Verification::predict_showings(BandPredictor& predictor, const CodedBand& s
     if ((n & 63) == 0) context_.check_cancelled();
     design.coverage.read(n, coverage.data());
     const std::span<const ImageShowing> parts = band_shown.of(n);
-    predictor.add_slice(n, parts, coverage.data(), design.heights_at(n, heights.data()),
-                        left_alone.at(n));
+    predictor.add_slice(n, parts,
+                        {coverage.data(), design.heights_at(n, heights.data()), left_alone.at(n)});
     if (watch && n < layers_) watch->add_slice(n, parts);
   }
 }
@@ -259,12 +258,14 @@ void Verification::predict_spread(std::size_t index) {
       static_cast<std::size_t>(band.y0 - field.y0) * static_cast<std::size_t>(field.width());
   const auto edge_heights = detail::edge_heights_of(target_, field);
   const auto left_alone = detail::left_alone_of(target_, field);
-  const CodedDesign design(in_field, detail::reader_of(target_, field),
-                           edge_heights ? &*edge_heights : nullptr, surface_,
-                           left_alone ? &*left_alone : nullptr);
+  const CodedDesign design(
+      in_field,
+      {detail::reader_of(target_, field), edge_heights ? &*edge_heights : nullptr,
+       left_alone ? &*left_alone : nullptr},
+      surface_);
   const CureModel& model = spread_.model();
   BandPredictor predictor(model, pixel_curve(model), all_layers_, columns, true);
-  if (surface_ == Surface::mesh && target_.edge_heights()) predictor.aim_at_heights();
+  if (aims_at_heights()) predictor.aim_at_heights();
   predictor.keep_sides();
   detail::PrintedBodies::Band bodies(bodies_, index, band);
   bodies.listen(predictor, nullptr);
@@ -277,8 +278,8 @@ void Verification::predict_spread(std::size_t index) {
   if (window_) watch.emplace(model, layers_, columns);
   std::optional<UncertainBand> uncertain;
   if (uncertain_) {
-    uncertain.emplace(uncertain_->band(models_.map().greatest(), all_layers_, columns,
-                                       surface_ == Surface::mesh && target_.edge_heights()));
+    uncertain.emplace(
+        uncertain_->band(models_.map().greatest(), all_layers_, columns, aims_at_heights()));
   }
   detail::LeftAloneRows left_rows(design.left_alone);
   std::vector<std::uint8_t> outlined(in_field), judged(uncertain ? in_field : 0);
@@ -295,8 +296,9 @@ void Verification::predict_spread(std::size_t index) {
     design.coverage.read(n, coverage.data());
     const std::uint8_t* const heights = design.heights_at(n, room.data());
     const std::uint8_t* const left = left_rows.at(n);
-    predictor.add_slice(n, in_band, coverage.data() + first, heights ? heights + first : nullptr,
-                        left ? left + first : nullptr);
+    predictor.add_slice(n, in_band,
+                        {coverage.data() + first, heights ? heights + first : nullptr,
+                         left ? left + first : nullptr});
     dose.add_slice(n, showings);
     if (watch && n < layers_) watch->add_slice(n, in_band);
     if (uncertain) {

@@ -34,20 +34,19 @@ void BandPredictor::keep_sides() { state_->keep_sides(); }
 const EdgeSides& BandPredictor::sides() const { return state_->sides_; }
 void BandPredictor::keep_no_histograms() { state_->histograms_ = false; }
 
-void BandPredictor::add_slice(int slice, const std::uint8_t* pixels, const std::uint8_t* coverage,
-                              const std::uint8_t* heights, const std::uint8_t* left_alone) {
-  state_->add_slice(slice, pixels, coverage, heights, left_alone);
+void BandPredictor::add_slice(int slice, const std::uint8_t* pixels, const DesignRow& design) {
+  state_->add_slice(slice, pixels, design);
 }
 void BandPredictor::add_slice(int slice, std::span<const ImageShowing> showings,
-                              const std::uint8_t* coverage, const std::uint8_t* heights,
-                              const std::uint8_t* left_alone) {
-  state_->add_slice(slice, showings, coverage, heights, left_alone);
+                              const DesignRow& design) {
+  state_->add_slice(slice, showings, design);
 }
-void BandPredictor::add_tile(std::size_t first_column, std::size_t columns, int first_slice,
-                             int slices, const std::uint8_t* pixels, const std::uint8_t* coverage,
-                             const std::uint8_t* heights) {
-  state_->add_tile(first_column, columns, first_slice, slices, pixels, coverage, heights);
+void BandPredictor::add_tile(const TilePlace& place, const std::uint8_t* pixels,
+                             const DesignRow& design) {
+  state_->add_tile(place, pixels, design);
 }
+bool BandPredictor::takes_tiles() const { return !state_->dose_; }
+int BandPredictor::all_layers() const { return state_->all_layers_; }
 const double* BandPredictor::middle() const { return state_->dose_->middle(); }
 void BandPredictor::go_on_from(Prediction so_far) { state_->go_on_from(std::move(so_far)); }
 

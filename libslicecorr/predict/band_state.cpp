@@ -253,40 +253,37 @@ void BandPredictor::State::event(std::size_t i, int slice, double below, LayerDo
 }
 
 void BandPredictor::State::add_slice(int slice, const std::uint8_t* pixels,
-                                     const std::uint8_t* coverage, const std::uint8_t* heights,
-                                     const std::uint8_t* left_alone) {
-  if (!pixels) {
-    return add_slice(slice, std::span<const ImageShowing>{}, coverage, heights, left_alone);
-  }
+                                     const DesignRow& design) {
+  if (!pixels) return add_slice(slice, std::span<const ImageShowing>{}, design);
   const int setting = model_.inhibited() ? model_.inhibited()->setting_of_slice(slice) : 0;
   const ImageShowing whole{pixels, 1.0, setting};
-  add_slice(slice, {&whole, 1}, coverage, heights, left_alone);
+  add_slice(slice, {&whole, 1}, design);
 }
 
 void BandPredictor::State::add_slice(int slice, std::span<const ImageShowing> showings,
-                                     const std::uint8_t* coverage, const std::uint8_t* heights,
-                                     const std::uint8_t* left_alone) {
-  const std::uint8_t* cover = coverage ? coverage : empty_.data();
-  left_alone_ = left_alone;
-  if (left_alone) {
+                                     const DesignRow& design) {
+  DesignRow judged(design.coverage ? design.coverage : empty_.data(), design.heights);
+  left_alone_ = design.left_alone;
+  if (left_alone_) {
     // A grey that aims at nothing: it is neither a feature nor a gap.
-    with_left_alone_.assign(cover, cover + columns_.size());
+    with_left_alone_.assign(judged.coverage, judged.coverage + columns_.size());
     for (std::size_t i = 0; i < columns_.size(); ++i) {
-      if (left_alone[i]) with_left_alone_[i] = detail::kLeftAlone;
+      if (left_alone_[i]) with_left_alone_[i] = detail::kLeftAlone;
     }
-    cover = with_left_alone_.data();
+    judged.coverage = with_left_alone_.data();
   }
-  if (joints_) joints_->add_slice(slice, showings, cover, heights, prediction_.at_heights);
+  if (joints_) joints_->add_slice(slice, showings, judged, prediction_.at_heights);
   if (moments_) {
     moments_->add_slice(slice, 0, columns_.size(),
                         showings.empty() ? nullptr : showings.front().pixels);
   }
   if (dose_) {
-    add_general_slice(slice, showings, cover, heights);
+    add_general_slice(slice, showings, judged.coverage, judged.heights);
   } else {
-    add_plain_slice(slice, showings, cover, heights);
+    add_plain_slice(slice, showings, judged.coverage, judged.heights);
   }
-  std::copy_n(heights ? heights : empty_.data(), columns_.size(), lower_heights_.begin());
+  std::copy_n(judged.heights ? judged.heights : empty_.data(), columns_.size(),
+              lower_heights_.begin());
 }
 
 /// Looks inside the layer of those columns of a block whose dose may turn there and where it

@@ -27,13 +27,9 @@ struct BandPredictor::State {
         bool in_showings);
   ~State();
 
-  void add_slice(int slice, const std::uint8_t* pixels, const std::uint8_t* coverage,
-                 const std::uint8_t* heights, const std::uint8_t* left_alone);
-  void add_slice(int slice, std::span<const ImageShowing> showings, const std::uint8_t* coverage,
-                 const std::uint8_t* heights, const std::uint8_t* left_alone);
-  void add_tile(std::size_t first_column, std::size_t columns, int first_slice, int slices,
-                const std::uint8_t* pixels, const std::uint8_t* coverage,
-                const std::uint8_t* heights);
+  void add_slice(int slice, const std::uint8_t* pixels, const DesignRow& design);
+  void add_slice(int slice, std::span<const ImageShowing> showings, const DesignRow& design);
+  void add_tile(const TilePlace& place, const std::uint8_t* pixels, const DesignRow& design);
   struct TileSlice;
   /// Columns of a tile's slice that are grey, come into another class, or cross dose 1.
   void add_lanes(const TileSlice& s);

@@ -68,8 +68,8 @@ void JointWalker::take_light(int slice, std::span<const ImageShowing> showings,
 }
 
 void JointWalker::add_slice(int slice, std::span<const ImageShowing> showings,
-                            const std::uint8_t* coverage, const std::uint8_t* heights,
-                            bool at_heights) {
+                            const DesignRow& design, bool at_heights) {
+  const std::uint8_t* const coverage = design.coverage;
   if (!inhibited()) {
     from_beside_.clear();
     // What light from beside adds comes last, where it scatters.
@@ -135,7 +135,7 @@ void JointWalker::add_slice(int slice, std::span<const ImageShowing> showings,
     c.candidate = own;
   }
   heights_.assign(columns_.size(), 0);
-  if (heights) std::copy_n(heights, columns_.size(), heights_.begin());
+  if (design.heights) std::copy_n(design.heights, columns_.size(), heights_.begin());
 }
 
 /// The first layer of the feature, below this node, has nothing solid above it.

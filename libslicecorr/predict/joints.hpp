@@ -25,10 +25,9 @@ class JointWalker {
   /// `model`: with lifts; outlives it.
   JointWalker(const CureModel& model, std::size_t columns);
 
-  /// The coverage and edge heights of a slice's layer, and what it shows (`pixel_curve` of the model);
-  /// `heights` null: none.
-  void add_slice(int slice, std::span<const ImageShowing> showings, const std::uint8_t* coverage,
-                 const std::uint8_t* heights, bool at_heights);
+  /// A slice's layer, what it shows (`pixel_curve` of the model), and what is designed, with coverage.
+  void add_slice(int slice, std::span<const ImageShowing> showings, const DesignRow& design,
+                 bool at_heights);
   /// After the first slice. Adds what was found.
   void finish(JointFigures& figures);
 

@@ -138,24 +138,16 @@ void Prediction::merge(const Prediction& o) {
     if (!joints) joints.emplace();
     joints->merge(*o.joints);
   }
-  target_voxels += o.target_voxels;
-  printed_voxels += o.printed_voxels;
-  cure_through_voxels += o.cure_through_voxels;
-  undercure_voxels += o.undercure_voxels;
-  grey_voxels += o.grey_voxels;
-  left_alone_voxels += o.left_alone_voxels;
-  gap_teeth += o.gap_teeth;
+  using P = Prediction;
+  for (const auto counted :
+       {&P::target_voxels, &P::printed_voxels, &P::cure_through_voxels, &P::undercure_voxels,
+        &P::grey_voxels, &P::left_alone_voxels, &P::gap_teeth, &P::runs, &P::gaps,
+        &P::lost_features, &P::lost_thick_features, &P::split_features, &P::liquid_at_platform,
+        &P::runs_on_platform, &P::one_slice_gaps, &P::merged_features, &P::merged_thick_gaps,
+        &P::plane_closed, &P::plane_lost}) {
+    this->*counted += o.*counted;
+  }
   if (!layerwise) layerwise = o.layerwise;
-  runs += o.runs;
-  gaps += o.gaps;
-  lost_features += o.lost_features;
-  lost_thick_features += o.lost_thick_features;
-  split_features += o.split_features;
-  liquid_at_platform += o.liquid_at_platform;
-  runs_on_platform += o.runs_on_platform;
-  one_slice_gaps += o.one_slice_gaps;
-  merged_features += o.merged_features;
-  merged_thick_gaps += o.merged_thick_gaps;
   // Of equal errors the first in reading order counts: merging from the top down keeps it.
   if (o.worst_x >= 0) {
     const double mine = worst_x >= 0 ? height_error_um.greatest() : -1.0;
@@ -166,29 +158,24 @@ void Prediction::merge(const Prediction& o) {
       worst_y = o.worst_y;
     }
   }
-  lost_examples.merge(o.lost_examples);
-  merged_examples.merge(o.merged_examples);
-  split_examples.merge(o.split_examples);
-  height_error_um.merge(o.height_error_um);
-  surface_error_um.merge(o.surface_error_um);
-  plane_error_um.merge(o.plane_error_um);
+  for (const auto examples : {&P::lost_examples, &P::merged_examples, &P::split_examples,
+                              &P::plane_closed_examples, &P::plane_lost_examples}) {
+    (this->*examples).merge(o.*examples);
+  }
+  for (const auto histogram : {&P::height_error_um, &P::surface_error_um, &P::plane_error_um,
+                               &P::gap_contrast, &P::grey_dose_error}) {
+    (this->*histogram).merge(o.*histogram);
+  }
   plane_signed_nm += o.plane_signed_nm;
-  plane_overreach_um = std::max(plane_overreach_um, o.plane_overreach_um);
-  plane_shortfall_um = std::max(plane_shortfall_um, o.plane_shortfall_um);
-  plane_closed += o.plane_closed;
-  plane_lost += o.plane_lost;
-  plane_closed_examples.merge(o.plane_closed_examples);
-  plane_lost_examples.merge(o.plane_lost_examples);
   at_heights = at_heights || o.at_heights;
-  greatest_overreach_um = std::max(greatest_overreach_um, o.greatest_overreach_um);
-  greatest_shortfall_um = std::max(greatest_shortfall_um, o.greatest_shortfall_um);
-  gap_contrast.merge(o.gap_contrast);
-  grey_dose_error.merge(o.grey_dose_error);
-  min_dose_inside = std::min(min_dose_inside, o.min_dose_inside);
-  min_inside_layers = std::min(min_inside_layers, o.min_inside_layers);
-  max_dose_inside = std::max(max_dose_inside, o.max_dose_inside);
-  max_dose_outside = std::max(max_dose_outside, o.max_dose_outside);
-  black_alone_dose = std::max(black_alone_dose, o.black_alone_dose);
+  for (const auto most : {&P::plane_overreach_um, &P::plane_shortfall_um, &P::greatest_overreach_um,
+                          &P::greatest_shortfall_um, &P::max_dose_inside, &P::max_dose_outside,
+                          &P::black_alone_dose}) {
+    this->*most = std::max(this->*most, o.*most);
+  }
+  for (const auto least : {&P::min_dose_inside, &P::min_inside_layers}) {
+    this->*least = std::min(this->*least, o.*least);
+  }
 }
 
 std::string Prediction::to_json() const {

@@ -130,14 +130,18 @@ void BandPredictor::State::add_lanes(const TileSlice& s) {
   }
 }
 
-void BandPredictor::State::add_tile(std::size_t first_column, std::size_t columns, int first_slice,
-                                    int slices, const std::uint8_t* pixels,
-                                    const std::uint8_t* coverage, const std::uint8_t* heights) {
+void BandPredictor::State::add_tile(const TilePlace& place, const std::uint8_t* pixels,
+                                    const DesignRow& design) {
   if (dose_) throw Error("only plain models are predicted in tiles");
+  const std::size_t first_column = place.first_column, columns = place.columns;
+  const std::uint8_t *const coverage = design.coverage, *const heights = design.heights;
+  const int first_slice = place.first_slice;
+  int slices = place.slices;
   while (slices > kTileSlices) {
     const auto skip = static_cast<std::size_t>(slices - kTileSlices) * kLanes;
-    add_tile(first_column, columns, first_slice + slices - kTileSlices, kTileSlices,
-             pixels ? pixels + skip : nullptr, coverage + skip, heights ? heights + skip : nullptr);
+    add_tile({first_column, columns, first_slice + slices - kTileSlices, kTileSlices},
+             pixels ? pixels + skip : nullptr,
+             {coverage + skip, heights ? heights + skip : nullptr});
     slices -= kTileSlices;
   }
   if (slices <= 0) return;

@@ -127,6 +127,11 @@ void LightMap::values(const PixelBox& box, std::uint8_t* out) const {
 
 std::array<std::uint64_t, 256> LightMap::counts(const PixelBox& box) const {
   std::array<std::uint64_t, 256> counts{};
+  if (even_) {
+    counts[reference()] =
+        static_cast<std::uint64_t>(box.width()) * static_cast<std::uint64_t>(box.height());
+    return counts;
+  }
   for (int y = box.y0; y < box.y1; ++y) {
     for (int x = box.x0; x < box.x1; ++x) ++counts[value(x, y)];
   }

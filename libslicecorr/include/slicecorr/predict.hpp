@@ -284,6 +284,18 @@ struct EdgeSides {
   std::vector<float> below_um, above_um;
 };
 
+/// What a slice of a design says of neighbouring columns, a byte of each for every column.
+struct DesignRow {
+  // NOLINTNEXTLINE(google-explicit-constructor): most designs are their coverage
+  DesignRow(const std::uint8_t* its_coverage, const std::uint8_t* its_heights = nullptr,
+            const std::uint8_t* its_left_alone = nullptr)
+      : coverage(its_coverage), heights(its_heights), left_alone(its_left_alone) {}
+  const std::uint8_t* coverage;  ///< null: empty
+  const std::uint8_t* heights;   ///< edge heights of its upper node (target.hpp); null: none
+  /// Not 0 for voxels that are neither of a feature nor of a gap, whatever they print; null: none.
+  const std::uint8_t* left_alone;
+};
+
 /// Predicts one band, slices from the last to the first.
 class BandPredictor {
  public:
@@ -331,23 +343,23 @@ class BandPredictor {
   /// has a predictor for each value of its light. Before the first slice.
   void keep_no_histograms();
 
-  /// `pixels` null: nothing is shown (light off, after the end of the stack). `coverage` null:
-  /// empty.
-  /// `heights`: edge heights of the slice's upper node (target.hpp); null: none. `left_alone`: not 0
-  /// for voxels that are neither of a feature nor of a gap, whatever they print; null: none.
-  void add_slice(int slice, const std::uint8_t* pixels, const std::uint8_t* coverage,
-                 const std::uint8_t* heights = nullptr, const std::uint8_t* left_alone = nullptr);
+  /// `pixels` null: nothing is shown (light off, after the end of the stack).
+  void add_slice(int slice, const std::uint8_t* pixels, const DesignRow& design);
   /// The same of several images, see ImageShowing; none: light off.
-  void add_slice(int slice, std::span<const ImageShowing> showings, const std::uint8_t* coverage,
-                 const std::uint8_t* heights = nullptr, const std::uint8_t* left_alone = nullptr);
+  void add_slice(int slice, std::span<const ImageShowing> showings, const DesignRow& design);
   /// Several slices of up to `kTileColumns` neighbouring columns at once, in rows of `kTileColumns`
   /// bytes from the first slice on; `pixels` null: nothing is shown. The same figures as by
   /// `add_slice`, and much faster. Each column needs all of its slices from the last to the first;
-  /// columns start at multiples of `kTileColumns`. Only for plain models and without showings.
+  /// columns start at multiples of `kTileColumns`. Only where it `takes_tiles`; nothing is left alone.
   static constexpr std::size_t kTileColumns = 64;
-  void add_tile(std::size_t first_column, std::size_t columns, int first_slice, int slices,
-                const std::uint8_t* pixels, const std::uint8_t* coverage,
-                const std::uint8_t* heights = nullptr);
+  struct TilePlace {
+    std::size_t first_column, columns;
+    int first_slice, slices;
+  };
+  void add_tile(const TilePlace& place, const std::uint8_t* pixels, const DesignRow& design);
+  /// Of plain models, without showings.
+  bool takes_tiles() const;
+  int all_layers() const;
   /// Doses in the middle of the layer that was added last. Only for models that are not plain, or
   /// for showings.
   const double* middle() const;

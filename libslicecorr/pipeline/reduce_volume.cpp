@@ -3,9 +3,11 @@
 
 #include <memory>
 #include <utility>
+#include <vector>
 
 #include "bands/bands.hpp"
 #include "bands/design_band.hpp"
+#include "bands/design_groups.hpp"
 #include "base/coded_band.hpp"
 #include "cure/spread_band.hpp"
 #include "pipeline/volume_reducer.hpp"
@@ -20,64 +22,6 @@ using detail::CodedBand;
 using detail::columns_of;
 
 namespace {
-
-/// `BandPredictor` of all columns of a band, each with the model of its place.
-class PlacePredictor {
- public:
-  PlacePredictor(const PlaceModels& models, int layers, const PixelBox& band) {
-    if (models.even()) {
-      add(models, models.map().reference(), layers, columns_of(band), {});
-      return;
-    }
-    for (LightGroup& g : light_groups(models.map(), band, nullptr)) {
-      const std::size_t size = g.columns.size();
-      add(models, g.value, layers, size, std::move(g.columns));
-    }
-    pixels_.resize(columns_of(band));
-    cover_.resize(columns_of(band));
-  }
-  /// Calls `listen(predictor, columns)` for each of its predictors.
-  template <class Listen>
-  void listen(const Listen& listen) {
-    for (Group& group : groups_) {
-      listen(*group.predictor, group.columns.empty() ? nullptr : &group.columns);
-    }
-  }
-  void add_slice(int slice, const std::uint8_t* pixels, const std::uint8_t* coverage) {
-    for (Group& group : groups_) {
-      const auto& columns = group.columns;
-      if (columns.empty()) {
-        group.predictor->add_slice(slice, pixels, coverage);
-        continue;
-      }
-      for (std::size_t k = 0; k < columns.size(); ++k) {
-        if (pixels) pixels_[k] = pixels[columns[k]];
-        cover_[k] = coverage[columns[k]];
-      }
-      group.predictor->add_slice(slice, pixels ? pixels_.data() : nullptr, cover_.data());
-    }
-  }
-  /// Ends all predictors, which tell their edges at the platform. Figures are not kept.
-  void finish() {
-    for (Group& group : groups_) group.predictor->finish(0, 0, 1);
-  }
-
- private:
-  struct Group {
-    std::unique_ptr<BandPredictor> predictor;
-    std::vector<std::uint32_t> columns;  ///< empty: all of the band
-  };
-  void add(const PlaceModels& models, std::uint8_t value, int layers, std::size_t size,
-           std::vector<std::uint32_t> columns) {
-    groups_.reserve(256);  // their columns are referred to
-    groups_.push_back(
-        {std::make_unique<BandPredictor>(models.model(value), models.curve(value), layers, size),
-         std::move(columns)});
-    groups_.back().predictor->keep_no_histograms();
-  }
-  std::vector<Group> groups_;
-  std::vector<std::uint8_t> pixels_, cover_;
-};
 
 /// What the bands of a volume share where light spreads.
 struct SpreadLook {
@@ -149,26 +93,35 @@ ReducedVolume reduce_volume(const SliceSource& stack, const SliceSource& target,
       return look_at_spread({spread, of_target, of_stack}, target, uncorrected, stack, reducer,
                             band, all, context);
     const CodedBand design = detail::marked_band_of(target, band);
-    const bool apart = target.left_alone() != nullptr;
-    const CodedBand sliced = apart ? detail::coded_band_of(uncorrected, band) : CodedBand(0);
     const CodedBand shown = detail::coded_band_of(stack, band);
-    PlacePredictor before(models, all, band), after(models, all, band);
     detail::VolumeReducer::Band reduced(reducer, band);
-    before.listen([&](auto&&... p) { reduced.listen_before(p...); });
-    after.listen([&](auto&&... p) { reduced.listen_after(p...); });
-    std::vector<std::uint8_t> pixels(columns_of(band)), cover(columns_of(band));
-    std::vector<std::uint8_t> own(columns_of(band));
-    for (int z = all; z-- > 0;) {
-      if ((z & 63) == 0) context.check_cancelled();
-      shown.read(z, pixels.data());
-      design.read(z, cover.data());
-      if (apart) sliced.read(z, own.data());
-      const std::uint8_t* const as_sliced = apart ? own.data() : cover.data();
-      before.add_slice(z, z < layers ? as_sliced : nullptr, cover.data());
-      after.add_slice(z, z < shown_layers ? pixels.data() : nullptr, cover.data());
+    const detail::DesignBand grouped(target, models.map(), band,
+                                     {.beside = &stack, .doses = false});
+    for (const detail::DesignGroup& g : grouped.groups()) {
+      CodedBand coverage(g.columns);
+      g.coverage([&](int, const std::uint8_t* rows) { coverage.append(rows); });
+      detail::LeftAloneRows left_rows(g.left_alone);
+      BandPredictor before(models.model(g.value), models.curve(g.value), all, g.columns),
+          after(models.model(g.value), models.curve(g.value), all, g.columns);
+      before.keep_no_histograms();
+      after.keep_no_histograms();
+      reduced.listen_before(before, g.of_band);
+      reduced.listen_after(after, g.of_band);
+      std::vector<std::uint8_t> rows(g.columns), pixels(g.columns), sliced(g.columns),
+          judged(g.columns);
+      for (int z = all; z-- > 0;) {
+        if ((z & 63) == 0) context.check_cancelled();
+        coverage.read(z, rows.data());
+        g.beside->read(z, pixels.data());
+        const std::uint8_t* const left = left_rows.at(z);
+        const std::uint8_t* const cover = detail::marked(rows.data(), left, judged);
+        before.add_slice(z, z < layers ? detail::as_sliced(rows.data(), left, sliced) : nullptr,
+                         cover);
+        after.add_slice(z, z < shown_layers ? pixels.data() : nullptr, cover);
+      }
+      before.finish(0, 0, 1);
+      after.finish(0, 0, 1);
     }
-    before.finish();
-    after.finish();
     reduced.finish([&](int z, std::uint8_t* out) { shown.read(z, out); },
                    [&](int z, std::uint8_t* out) { design.read(z, out); });
   });

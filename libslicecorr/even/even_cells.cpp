@@ -107,7 +107,6 @@ double even_blue_cap(const SliceSource& target, const Setup& setup) {
   const double full =
       setup.printer.calibration.back().intensity_mw_cm2 * LampShares{setup.process}.least_blue();
   const LightMap map(setup.printer, target.grid(), target.frame());
-  if (map.even()) return full;
   const auto counts = map.counts(target.bounds());
   for (std::size_t v = 1; v < counts.size(); ++v) {
     if (counts[v] > 0) return full * map.factor(static_cast<std::uint8_t>(v));

@@ -198,10 +198,9 @@ class LightAdder {
         sums.part[cell] += covered[i];
         const std::int32_t share = LitPart::lit(rows[i], covered[i]);
         if (share == 0) continue;
-        const double factor = map_.even() ? 1.0 : map_.factor(map_.value(static_cast<int>(x), y));
+        const double factor = map_.factor(map_.value(static_cast<int>(x), y));
         const std::int64_t blue = std::llround(blue_of_[rows[i]] * factor * blue_share);
-        const double uv_factor =
-            uv_map_.even() ? 1.0 : uv_map_.factor(uv_map_.value(static_cast<int>(x), y));
+        const double uv_factor = uv_map_.factor(uv_map_.value(static_cast<int>(x), y));
         const std::int64_t uv =
             uv_images_ ? std::llround(uv_of_[whole[x]] * uv_share * uv_factor) : 0;
         sums.lit[cell] += share;

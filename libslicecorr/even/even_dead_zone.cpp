@@ -264,9 +264,8 @@ void EvenUvImages::make_row(int slice, int y, std::span<std::uint8_t> pixels) co
       continue;
     }
     // What its place on an uneven display, and its slice, make of it.
-    double share = share_of_[p] * lamps.blue;
     const int x = static_cast<int>(first + static_cast<std::ptrdiff_t>(i));
-    if (!map_.even()) share *= map_.factor(map_.value(x, y));
+    const double share = share_of_[p] * lamps.blue * map_.factor(map_.value(x, y));
     // Dimmer pixels, as beside edges, get less of both lights alike: else inhibitor would be left over
     // and flow to where the part is to gel. But where much of the light is curing light, as on outlines,
     // whose resin has just come in, they get what keeps their own off the window.
@@ -274,7 +273,7 @@ void EvenUvImages::make_row(int slice, int y, std::span<std::uint8_t> pixels) co
     if (share < even[i]) uv = std::min(uv, std::max(uv * share / even[i], share * uv_of_blue_));
     // What is left alone shines brighter, and is kept off the window as well.
     if (share > even[i] + 1 + step_) uv = std::min(255.0, std::max(uv, share * uv_of_blue_));
-    if (!uv_map_.even()) uv = std::min(255.0, uv / uv_map_.factor(uv_map_.value(x, y)));
+    uv = std::min(255.0, uv / uv_map_.factor(uv_map_.value(x, y)));
     p = of_share[static_cast<std::size_t>(std::ceil(uv * kSteps - 1e-9))];
   }
 }

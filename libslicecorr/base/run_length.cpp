@@ -162,13 +162,34 @@ const std::uint8_t* run_length_decode(const std::uint8_t* in, const std::uint8_t
 
 const std::uint8_t* run_length_nonzero(const std::uint8_t* in, const std::uint8_t* end,
                                        std::size_t n, std::vector<NonZero>& out) {
-  std::uint32_t at = 0;
+  return run_length_nonzero(in, end, n, {0, n}, out);
+}
+
+const std::uint8_t* run_length_nonzero(const std::uint8_t* in, const std::uint8_t* end,
+                                       std::size_t n, const ByteRange& range,
+                                       std::vector<NonZero>& out) {
+  // Whether a byte among others is 0 is nothing that a processor could predict: all are written, those that
+  // are 0 are overwritten.
+  constexpr std::size_t chunk = 64;
+  NonZero room[chunk];
+  std::size_t at = 0;
   return each_run(in, end, n, [&](int kind, const std::uint8_t* bytes, std::size_t length) {
-    for (std::size_t i = 0; kind != zeros && i < length; ++i) {
-      const std::uint8_t value = kind == plain ? bytes[i] : kind == ones ? 255 : *bytes;
-      if (value != 0) out.push_back({at + static_cast<std::uint32_t>(i), value});
+    const std::size_t begin = at;
+    at += length;
+    if (kind == zeros || at <= range.first || begin >= range.past) return;
+    const std::size_t first = std::max(begin, range.first), past = std::min(at, range.past);
+    for (std::size_t from = first; from < past; from += chunk) {
+      const std::size_t to = std::min(past, from + chunk);
+      std::size_t count = 0;
+      for (std::size_t i = from; i < to; ++i) {
+        const std::uint8_t value = kind == plain  ? bytes[i - begin]
+                                   : kind == ones ? std::uint8_t{255}
+                                                  : *bytes;
+        room[count] = {static_cast<std::uint32_t>(i), value};
+        count += value != 0;
+      }
+      out.insert(out.end(), room, room + count);
     }
-    at += static_cast<std::uint32_t>(length);
   });
 }
 

@@ -31,5 +31,13 @@ struct NonZero {
 /// The same code without its zeros: appends what else there is, in order.
 const std::uint8_t* run_length_nonzero(const std::uint8_t* in, const std::uint8_t* end,
                                        std::size_t n, std::vector<NonZero>& out);
+/// Some of the bytes of a code.
+struct ByteRange {
+  std::size_t first = 0, past = 0;
+};
+/// The same of some bytes only.
+const std::uint8_t* run_length_nonzero(const std::uint8_t* in, const std::uint8_t* end,
+                                       std::size_t n, const ByteRange& range,
+                                       std::vector<NonZero>& out);
 
 }  // namespace slicecorr::detail

@@ -106,7 +106,12 @@ class PatchBytes {
   PatchBytes(const PatchPlace& place, const PixelBox& box, const std::vector<Source>& sources)
       : place_(place), bytes_(place.size(), 0) {
     for (const Source& s : sources) {
-      readers_.push_back({TileReader(*s.tile), s.box, PatchPlace::common(s.box, box)});
+      const PixelBox part = PatchPlace::common(s.box, box);
+      const auto row = [&](int y) {
+        return static_cast<std::size_t>(std::max(0, y - s.box.y0)) *
+               static_cast<std::size_t>(s.box.width());
+      };
+      readers_.push_back({TileReader(*s.tile, {row(part.y0), row(part.y1)}), s.box, part});
     }
   }
 
@@ -138,12 +143,17 @@ class PatchBytes {
   };
   template <class Changed>
   void change(const Reader& r, const Changed& changed) {
-    const auto width = static_cast<std::uint32_t>(r.box.width());
+    const auto width = static_cast<std::size_t>(r.box.width());
+    const auto left = static_cast<std::size_t>(r.part.x0 - r.box.x0),
+               right = static_cast<std::size_t>(std::max(0, r.part.x1 - r.box.x0));
+    // Rows follow each other: no need to divide.
+    std::size_t row = static_cast<std::size_t>(r.part.y0 - r.box.y0) * width;
+    std::size_t first = place_.at(r.part.x0, r.part.y0);
     for (const NonZero& c : r.reader.changes()) {
-      const Pixel p{r.box.x0 + static_cast<int>(c.at % width),
-                    r.box.y0 + static_cast<int>(c.at / width)};
-      if (!PatchPlace::holds(r.part, p)) continue;
-      const std::size_t at = place_.at(p.x, p.y);
+      for (; c.at >= row + width; row += width) first += place_.stride;
+      const std::size_t x = c.at - row;
+      if (x < left || x >= right) continue;
+      const std::size_t at = first + (x - left);
       const std::uint8_t old = bytes_[at];
       bytes_[at] ^= c.value;
       changed(at, old, bytes_[at]);
@@ -336,15 +346,23 @@ class PatchField {
     add_taps(light_.data() + first, place_.stride, taps(), plan_.taps_rows, plan_.taps_width,
              change);
   }
-  void wake_around(std::size_t at) {
+  /// Squares, the last ones included.
+  struct SquareBox {
+    int x0 = 0, y0 = 0, x1 = -1, y1 = -1;
+    bool operator==(const SquareBox&) const = default;
+  };
+  /// Those whose light a pixel reaches.
+  SquareBox squares_around(std::size_t at) const {
     const int x = static_cast<int>(at % place_.stride), y = static_cast<int>(at / place_.stride);
     const int last_row = static_cast<int>(place_.rows) / kSquare - 1;
-    const int x0 = std::max(0, (x - plan_.reach_x) / kSquare),
-              x1 = std::min(across_ - 1, (x + plan_.reach_x) / kSquare);
-    const int y0 = std::max(0, (y - plan_.reach_y) / kSquare),
-              y1 = std::min(last_row, (y + plan_.reach_y) / kSquare);
-    for (int j = y0; j <= y1; ++j) {
-      for (int i = x0; i <= x1; ++i) wake(j * across_ + i);
+    return {std::max(0, (x - plan_.reach_x) / kSquare), std::max(0, (y - plan_.reach_y) / kSquare),
+            std::min(across_ - 1, (x + plan_.reach_x) / kSquare),
+            std::min(last_row, (y + plan_.reach_y) / kSquare)};
+  }
+  void wake_around(std::size_t at) {
+    const SquareBox around = squares_around(at);
+    for (int j = around.y0; j <= around.y1; ++j) {
+      for (int i = around.x0; i <= around.x1; ++i) wake(j * across_ + i);
     }
   }
   /// Wakes a square whose light or aims change.

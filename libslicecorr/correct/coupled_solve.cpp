@@ -199,7 +199,8 @@ void PatchSolver::find_aims(int n) {
   for (const int k : flagged_) aim(k);
   if (flagged_.empty()) return;
   apply_requests();
-  find_missed(missed_);
+  find_missed(missed_, 0);
+  for (const int k : aimed_) changed_[static_cast<std::size_t>(k)] = look_;
   // What is tried for a pixel is weighed against what pixels around that want.
   const int far_x = 2 * plan_.near_x, far_y = 2 * plan_.near_y;
   for (const std::size_t at : missed_) {
@@ -214,6 +215,8 @@ void PatchSolver::aim(int k) {
   if (!square(k).watched || aimed_at_[static_cast<std::size_t>(k)] == slice()) return;
   aimed_at_[static_cast<std::size_t>(k)] = slice();
   aimed_.push_back(k);
+  // Not looked at yet.
+  changed_[static_cast<std::size_t>(k)] = look_ + 1;
   rouse(k);
   const std::size_t first = first_of(k), stride = place().stride;
   const AimRule rule{static_cast<float>(plan_.gain(slice())),
@@ -285,24 +288,42 @@ void PatchSolver::apply_requests() {
   }
 }
 
-void PatchSolver::find_missed(std::vector<std::size_t>& missed) {
+/// Of squares whose light has not changed since the last look nothing is missed anew: `since` is when that was.
+void PatchSolver::find_missed(std::vector<std::size_t>& missed, std::uint64_t since) {
   missed.clear();
+  const float *const light = light_.data(), *const raw_lo = raw_lo_.data(),
+                     *const raw_hi = raw_hi_.data();
+  float* const looked_at = looked_at_.data();
   for (const int k : aimed_) {
+    if (changed_[static_cast<std::size_t>(k)] < since) continue;
     const std::size_t first = first_of(k);
-    if (!any_missed(light_.data() + first, raw_lo_.data() + first, raw_hi_.data() + first,
-                    place().stride, kNoticed)) {
+    if (!any_missed(light + first, raw_lo + first, raw_hi + first, place().stride, kNoticed)) {
       continue;
     }
     for (std::size_t y = 0; y < kSquare; ++y) {
       const std::size_t from = first + y * place().stride;
       for (std::size_t at = from; at < from + kSquare; ++at) {
-        const float v = light_[at];
-        if (v >= raw_lo_[at] - kNoticed && v <= raw_hi_[at] + kNoticed) continue;
+        const float v = light[at];
+        if (v >= raw_lo[at] - kNoticed && v <= raw_hi[at] + kNoticed) continue;
         // What the last look did not change, another one won't.
-        if (std::abs(v - looked_at_[at]) < kNoticed) continue;
-        looked_at_[at] = v;
+        if (std::abs(v - looked_at[at]) < kNoticed) continue;
+        looked_at[at] = v;
         missed.push_back(at);
       }
+    }
+  }
+}
+
+/// Wakes the squares whose light a pixel changes, and notes them for the look at hand.
+void PatchSolver::touch_around(std::size_t at) {
+  const SquareBox around = squares_around(at);
+  // Pixels that are tried follow each other, and most have the same around them.
+  if (around == last_around_) return;
+  last_around_ = around;
+  for (int j = around.y0; j <= around.y1; ++j) {
+    for (int i = around.x0; i <= around.x1; ++i) {
+      wake(j * across() + i);
+      changed_[static_cast<std::size_t>(j * across() + i)] = look_;
     }
   }
 }
@@ -320,6 +341,8 @@ void PatchSolver::choose() {
   touched_.clear();
   for (int pass = 0; pass < kPasses && !missed_.empty(); ++pass) {
     tried_.clear();
+    ++look_;
+    last_around_ = {};
     // Those around it mend most; what they can't, those further away may.
     const std::size_t dx = pass < kNearestPasses ? try_x : near_x,
                       dy = pass < kNearestPasses ? try_y : near_y;
@@ -343,7 +366,7 @@ void PatchSolver::choose() {
                                      shine_of(0, j), shine_of(255, j));
       const float change = shine - shine_[j];
       if (std::abs(change) < least) continue;
-      wake_around(j);
+      touch_around(j);
       shine_more(j, change);
       shine_[j] = shine;
       if (!(marked_[j] & kTouched)) {
@@ -355,7 +378,7 @@ void PatchSolver::choose() {
         }
       }
     }
-    find_missed(missed_);
+    if (pass + 1 < kPasses) find_missed(missed_, look_);
   }
 }
 

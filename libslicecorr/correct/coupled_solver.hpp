@@ -46,6 +46,7 @@ class PatchSolver : public PatchField<float> {
     neutral(0, size);
     aimed_at_.assign(size / (std::size_t{kSquare} * kSquare), -1);
     check_until_.assign(aimed_at_.size(), plan.slices);
+    changed_.assign(aimed_at_.size(), 0);
     fades_ = static_cast<int>(std::ceil(std::log(kFaded) / std::log(plan.slowest)));
     if (!task.first) {
       std::vector<int> near;
@@ -153,7 +154,8 @@ class PatchSolver : public PatchField<float> {
   void check_on(int k, int n) { check_until_[static_cast<std::size_t>(k)] = n - fades_; }
   void apply_requests();
   void choose();
-  void find_missed(std::vector<std::size_t>& missed);
+  void find_missed(std::vector<std::size_t>& missed, std::uint64_t since);
+  void touch_around(std::size_t at);
   void set_level(std::size_t at, int level);
   void round_to_levels();
   /// The same for few levels: what a pixel of a feature has too much is handed on to those beside it
@@ -196,7 +198,10 @@ class PatchSolver : public PatchField<float> {
   std::vector<int> flagged_, aimed_;
   /// In later rounds, by square: the slice down to which doses are held against their bounds.
   std::vector<int> check_until_;
-  std::vector<int> aimed_at_;      ///< by square: the slice of its last aims
+  std::vector<int> aimed_at_;           ///< by square: the slice of its last aims
+  std::vector<std::uint64_t> changed_;  ///< by square: the look in which its light was changed last
+  std::uint64_t look_ = 0;
+  SquareBox last_around_;
   double below_ = -1, norm_ = -1;  ///< of the middles of layers, as bounds have them
   bool shown_changed_ = true;
   int fades_ = 0;  ///< slices after which little is left of a change of dose

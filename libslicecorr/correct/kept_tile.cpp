@@ -143,7 +143,8 @@ TileReader::Step TileReader::go_to(int slice) {
       read_code(first, past);
       if (first == past) return Step::same;
       changes_.clear();
-      run_length_nonzero(code_.data() + first, code_.data() + past, tile_->columns, changes_);
+      run_length_nonzero(code_.data() + first, code_.data() + past, tile_->columns, range_,
+                         changes_);
       return Step::changes;
     }
   }

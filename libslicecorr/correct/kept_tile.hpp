@@ -86,7 +86,9 @@ class TileWriter {
 /// Goes through a tile from the last slice to the first. The tile must outlive it.
 class TileReader {
  public:
-  explicit TileReader(const KeptTile& tile) : tile_(&tile) {}
+  explicit TileReader(const KeptTile& tile) : TileReader(tile, {0, tile.columns}) {}
+  /// `changes` tells of these bytes only.
+  TileReader(const KeptTile& tile, const ByteRange& range) : tile_(&tile), range_(range) {}
   enum class Step {
     same,     ///< the slice is like the one before
     changes,  ///< `changes` are the exclusive ors
@@ -101,6 +103,7 @@ class TileReader {
   /// The code of the next slice of the piece, in `code_`.
   void read_code(std::size_t& first, std::size_t& past);
   const KeptTile* tile_;
+  ByteRange range_;
   int slice_ = -1, piece_ = -1;
   bool black_ = true;  ///< the piece is
   std::size_t at_ = 0;

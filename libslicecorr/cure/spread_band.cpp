@@ -20,9 +20,6 @@ namespace slicecorr::detail {
 
 namespace {
 
-/// What of a dose may be left out because it scatters from too far away.
-constexpr double kShareLeftOut = 1e-6;
-
 PixelBox common(const PixelBox& a, const PixelBox& b) {
   PixelBox box{std::max(a.x0, b.x0), std::max(a.y0, b.y0), std::min(a.x1, b.x1),
                std::min(a.y1, b.y1)};
@@ -128,13 +125,6 @@ SpreadLight::SpreadLight(const PlaceModels& models, const Grid& grid, const Imag
 void SpreadLight::scatter_in(const CureModel& model, const ScatterWay& way,
                              const Turn& to_display) {
   const LightSpread& spread = models_.printer().spread;
-  if (model.m == 1.0 && model.bath_slices == 0) {
-    blur_ = scattering_blur(spread, way, to_display);
-    scatter_ = SliceScatter(way.um2_per_um, way.slice_um, way.pixel_x_um, way.pixel_y_um);
-    halo_x_ = scatter_.halo_x(model.a, kShareLeftOut);
-    halo_y_ = scatter_.halo_y(model.a, kShareLeftOut);
-    return;
-  }
   distances_ = distance_blurs(spread, way, model.bath_slices, to_display);
   blur_ = distances_.front().blur;
   for (const DistanceBlur& d : distances_) {

@@ -36,13 +36,16 @@ Process lifted(double exposure_s) {
 struct Law {
   const char* name;
   Resin resin;
+  double exposure_s;  ///< some five times what holds
 };
 
 std::vector<Law> laws() {
   Resin plain = test::resin(230, units::height10_from_e(300));
   Resin bleaching = plain;
   bleaching.bleaching = Bleaching{units::height10_from_e(600), 400};
-  return {{"plain", plain}, {"gel-time", test::bright_resin(300)}, {"bleaching", bleaching}};
+  return {{"plain", plain, 0.5},
+          {"gel-time", test::bright_resin(300), 5},
+          {"bleaching", bleaching, 0.5}};
 }
 
 std::vector<std::uint8_t> solved(const CorrectionPlan& plan, std::uint8_t above, std::uint8_t c) {
@@ -55,7 +58,7 @@ std::vector<std::uint8_t> solved(const CorrectionPlan& plan, std::uint8_t above,
 TEST(LiftedGreys, HoldWhereTheSlicersLightDoes) {
   for (const Law& law : laws()) {
     SCOPED_TRACE(law.name);
-    const Process process = lifted(6);
+    const Process process = lifted(law.exposure_s);
     const CureModel model =
         make_cure_model(test::linear_printer(1, 100), law.resin, process, kLayerUm);
     const CorrectionPlan plan(model, process, 90, 90);
@@ -86,7 +89,7 @@ TEST(LiftedGreys, HoldWhereTheSlicersLightDoes) {
 // A slope: greys, then full layers, below a gap. Each of the full ones and each grey whose light is enough holds by its
 // own exposure, by the closed form.
 TEST(LiftedGreys, BeforeAndAfterAFeatureHold) {
-  const Process process = lifted(6);
+  const Process process = lifted(0.5);
   const Resin resin = test::resin(230, units::height10_from_e(300));
   const CureModel model = make_cure_model(test::linear_printer(1, 100), resin, process, kLayerUm);
   const CorrectionPlan plan(model, process, 80, 80);
@@ -113,6 +116,8 @@ TEST(LiftedGreys, OfARealFileWithoutGapsStay) {
   setup.printer = test::linear_printer(0.003, 3);
   setup.printer.width_px = design.grid().width_px;
   setup.printer.height_px = design.grid().height_px;
+  setup.printer.pixel_x_um = design.grid().pixel_x_um;
+  setup.printer.pixel_y_um = design.grid().pixel_y_um;
   setup.resin = test::resin(615, units::height10_from_e(kHeightE));  // 4 mJ/cm²
   setup.process = lifted(8);
   const std::string out = folder / "part.uvj";

@@ -248,6 +248,33 @@ TEST(FlowInTime, WhatIsBesideIsFreshAndWhatStaysGoesOn) {
   EXPECT_GT(dim.slices[11].min_um, p.slices[11].min_um + 5);
 }
 
+TEST(FlowInTime, SlicesOfTheirOwnHeightsTakeTheirOwnTime) {
+  // The same print in slices of which each second pair is half as high.
+  const auto disc = [](double u, double v, int) { return std::hypot(u, v) < 600; };
+  InTime how;
+  how.level_um = 10;
+  how.slices = 8;
+  const PrintInTime whole = follow_part(part_where(88, 8, 100, disc), base_pull(), how);
+  std::vector<double> um;
+  std::vector<std::size_t> ends;
+  for (int n = 0; n < 8; ++n) {
+    um.insert(um.end(), n % 2 ? 2U : 1U, n % 2 ? 25.0 : 50.0);
+    ends.push_back(um.size() - 1);
+  }
+  how.slices = static_cast<int>(um.size());
+  how.heights = LayerHeights(um);
+  const PrintInTime cut = follow_part(part_where(88, how.slices, 100, disc), base_pull(), how);
+  ASSERT_EQ(whole.slices.size(), 8U);
+  ASSERT_EQ(cut.slices.size(), um.size());
+  for (std::size_t n = 0; n < 8; ++n) {
+    const SliceInTime &a = whole.slices[n], &b = cut.slices[ends[n]];
+    EXPECT_NEAR(a.seconds, b.seconds, 1e-9) << n;
+    // A level.
+    EXPECT_NEAR(a.min_um, b.min_um, 10) << n;
+    EXPECT_NEAR(a.middle_um, b.middle_um, 10) << n;
+  }
+}
+
 TEST(FlowInTime, TooMuchLightSticks) {
   // What the window holds for good sticks, 110 mW/cm² does not (figure 4.3a); in time the place is the middle.
   const PrintInTime p = follow_disc(chapter_iv_resin1(), kBase, even_light(118.2, 130));

@@ -131,6 +131,38 @@ TEST(TwoUnevenLamps, PlacesAreToldApartToHalfAPercentOrRefused) {
   EXPECT_NO_THROW(PlaceModels(s.printer, s.resin, s.process, grid_of(s), {}));
 }
 
+TEST(UnevenTables, FewValuesNeedNoSharingAndManyAreRefused) {
+  slicecorr::Setup s = setup_of(6, 4);
+  for (const bool heights : {true, false}) {
+    s.process.layer_heights_um.clear();
+    s.printer.platform_reflectance = heights ? 0 : 0.3;
+    if (heights) s.process.layer_heights_um.assign(20, 50);
+    if (heights) s.process.layer_heights_um.push_back(30);
+    // Three values, far from each other.
+    s.printer.uv_flat_field =
+        field_of(6, 4, {255, 255, 222, 222, 180, 180, 255, 255, 222, 222, 180, 180,
+                        255, 255, 222, 222, 180, 180, 255, 255, 222, 222, 180, 180});
+    const PlaceModels models(s.printer, s.resin, s.process, grid_of(s), {});
+    ASSERT_FALSE(models.brightest().inhibited()->alike());
+    for (const int x : {0, 2, 4}) {
+      EXPECT_EQ(models.uv_factor(models.map().value(x, 1)),
+                share_at(*s.printer.uv_flat_field, x, 1));
+    }
+    // All values between them have no room, and are off by more than half a percent together.
+    slicecorr::Setup wide = setup_of(96, 4);
+    wide.process = s.process;
+    wide.printer.platform_reflectance = s.printer.platform_reflectance;
+    wide.printer.uv_flat_field = ramp(96, 4, 255, 60);
+    try {
+      const PlaceModels many(wide.printer, wide.resin, wide.process, grid_of(wide), {});
+      FAIL() << "196 values of light, with tables of each slice";
+    } catch (const InputError& e) {
+      EXPECT_THAT(e.what(), HasSubstr("uv.flat_field"));
+      EXPECT_THAT(e.what(), HasSubstr("tables of their own"));
+    }
+  }
+}
+
 TEST(UnevenPatterns, AreMadeForTheWeakestPlace) {
   for (const bool both : {false, true}) {
     slicecorr::Setup s = setup_of(6, 4);

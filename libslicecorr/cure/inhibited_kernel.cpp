@@ -317,12 +317,16 @@ double InhibitedKernel::rest_beyond(int setting, int level, double d_um, const B
   }
   const double front = source(setting, level).front_um;
   if (flow_factor_.empty()) return back.times * profile_->rest(d - front);
-  const double at = back.times * profile_->rest(d - front);
-  if (d_um >= gap_um_) return at;
-  const double at_gap = back.times * profile_->rest(gap_um_ + back.nearer_um - front);
-  const double often = back.nearer_um > 0 ? flow_factor_with(setting, level, back.blue)
-                                          : flow_factor(setting, level);
-  return at_gap + often * (at - at_gap);
+  // Out of line: where nothing flows this is called for each number of all tables.
+  const auto flowing = [&]() __attribute__((noinline)) {
+    const double at = back.times * profile_->rest(d - front);
+    if (d_um >= gap_um_) return at;
+    const double at_gap = back.times * profile_->rest(gap_um_ + back.nearer_um - front);
+    const double often = back.nearer_um > 0 ? flow_factor_with(setting, level, back.blue)
+                                            : flow_factor(setting, level);
+    return at_gap + often * (at - at_gap);
+  };
+  return flowing();
 }
 
 /// One setting for each different intensity over usual blue light.

@@ -329,8 +329,15 @@ void BandPredictor::State::look_inside(int slice, std::size_t first, std::size_t
     if (alike) {
       inside_[i] = inside_[last];
     } else {
-      dose_->inside(first + i, known, inside_[i]);
-      last_known = known;
+      // The same of any column of the slice.
+      LayersSeen::Layer& seen = layers_seen_.of(lower[i], middle[i], upper[i]);
+      if (!seen.is(slice, lower[i], middle[i], upper[i]) || known > seen.known) {
+        dose_->inside(first + i, known, seen.inside);
+        seen.take(slice, lower[i], middle[i], upper[i]);
+        seen.known = known;
+      }
+      inside_[i] = seen.inside;
+      last_known = seen.known;
     }
     last = i;
     looked_ |= std::uint64_t{1} << i;

@@ -11,6 +11,7 @@
 
 #include "predict/gel_moments.hpp"
 #include "predict/joints.hpp"
+#include "predict/layers_seen.hpp"
 #include "predict/tile_sums.hpp"
 #include "slicecorr/dose.hpp"
 #include "slicecorr/predict.hpp"
@@ -109,6 +110,7 @@ struct BandPredictor::State {
   std::uint64_t looked_ = 0;
   bool passes_inside_ = false;  ///< any of these has crossings
   std::vector<InsideLayer> inside_;
+  LayersSeen layers_seen_;
   std::vector<Class> class_;
   std::vector<Column> columns_;
   std::vector<std::uint8_t> lower_heights_;  ///< edge heights of the next slice's lower node

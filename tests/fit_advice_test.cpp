@@ -383,6 +383,57 @@ TEST(Outliers, ReadingsScatterByWhatTheyAreReadTo) {
   EXPECT_NEAR(std::abs(off.points[2].studentised), 200 * std::sqrt(0.8 * 12) / 10, 1e-6);
 }
 
+// One height in mm among heights in um.
+TEST(Outliers, ThousandthsAskForTheirUnit) {
+  Measurements data = test::with_scatter(kKinetic, 2);
+  data.cured[20].height_um /= 1000;
+  const FitResult r = fit(data, FitModel::kinetic);
+  ASSERT_EQ(r.outliers.size(), 1U);
+  EXPECT_THAT(r.outliers[0].reason, HasSubstr("is it in mm?"));
+}
+
+// A table pasted once more, whole or in part, and not replicates that agree here and there.
+TEST(Advice, MeasurementsThatRepeatOthersAreTold) {
+  const Measurements once = test::with_scatter(kKinetic, 2);
+  Measurements data = once;
+  const auto warnings = [&] { return fit(data, FitModel::kinetic).warnings; };
+  data.cured.insert(data.cured.end(), once.cured.begin(), once.cured.end());
+  EXPECT_THAT(warnings(), Contains(AllOf(HasSubstr("54 of 108 measurements repeat"),
+                                         HasSubstr("1.4 times too narrow"))));
+  data = once;
+  data.cured.insert(data.cured.begin() + 30, once.cured.begin() + 2, once.cured.begin() + 8);
+  EXPECT_THAT(warnings(), Contains(HasSubstr("6 of 60 measurements repeat")));
+  data = once;
+  data.cured.insert(data.cured.begin() + 30, once.cured.begin() + 2, once.cured.begin() + 7);
+  EXPECT_THAT(warnings(), Not(Contains(HasSubstr("repeat"))));
+}
+
+// Intensities of 10 to 40 differ by a factor of 4, and are not asked to do so.
+TEST(Advice, AFactorThatIsThereIsNotAskedFor) {
+  Measurements data;
+  for (const double blue : {10.0, 20.0, 40.0}) {
+    for (const double time : {2.0, 4.0, 8.0}) {
+      const double off = (blue == 20) == (time == 4) ? 90 : -90;
+      data.cured.push_back(height(blue, time, 150 * std::log(blue * time / 8) + off));
+    }
+  }
+  const FitResult r = fit(data, FitModel::kinetic);
+  EXPECT_THAT(r.warnings, Contains(HasSubstr("m ")));
+  EXPECT_THAT(r.warnings, Not(Contains(HasSubstr("factor of 4"))));
+}
+
+// What can't be told is not told: an exponent of 0.55 to 1.04 is no reciprocity.
+TEST(Advice, WideExponentsAreNoReciprocity) {
+  Measurements data = test::with_scatter(kKinetic, 2);
+  for (std::size_t i = 0; i < data.cured.size(); ++i) {
+    data.cured[i].height_um += (i % 3 == 0 ? 12 : i % 3 == 1 ? -12 : 0) * kKinetic.cured_sigma_um;
+  }
+  const FitResult r = fit(data, FitModel::kinetic);
+  ASSERT_TRUE(r.reciprocity);
+  EXPECT_GT(r.reciprocity->m_ci95[1] - r.reciprocity->m_ci95[0], 0.4);
+  EXPECT_THAT(r.reciprocity->verdict, HasSubstr("neither contradict reciprocity nor tell it"));
+}
+
 TEST(Outliers, PointsThatDecideAloneAreNamed) {
   Measurements data;
   for (int i = 0; i < 9; ++i) data.cured.push_back(height(20, 8 + 0.01 * i, 150 + i % 3));

@@ -83,6 +83,30 @@ TEST(TextFromFit, Jacobs) {
   EXPECT_EQ(text, record_text_from_fit("r", {kJacobs}, nullptr));
 }
 
+// What ended at a bound was not measured: no file, unless the bound was asked for, and then no variance.
+TEST(TextFromFit, WhatEndedAtABoundIsNotWritten) {
+  FitResult fit = kKinetic;
+  fit.parameters[1].at_bound = true;
+  const double unknown = std::nan("");
+  for (const std::size_t i : {1, 3, 4, 5, 7}) fit.covariance[i] = unknown;
+  try {
+    record_text_from_fit("r", {fit}, nullptr);
+    ADD_FAILURE() << "was written";
+  } catch (const InputError& e) {
+    EXPECT_THAT(e.what(), HasSubstr("m ended at its bound, 0.99"));
+  }
+  fit.parameters[1].bound_given = true;
+  const std::string text = record_text_from_fit("r", {fit}, nullptr);
+  EXPECT_THAT(text,
+              HasSubstr("covariance = \"h_um, critical_dose_prime: [[0.25, 0], [0, 0.25]]\""));
+  EXPECT_THAT(text, HasSubstr("m at its bound"));
+  EXPECT_EQ(wrong_with(text, "r"), "");
+  // As earlier versions wrote it.
+  std::string old = text;
+  old.replace(old.find("[[0.25"), 6, "[[nan");
+  EXPECT_THAT(wrong_with(old, "r"), HasSubstr("provenance.covariance"));
+}
+
 TEST(TextFromFit, KineticWithDeadZones) {
   const std::string text = record_text_from_fit("r", {kKinetic, kSteady}, nullptr);
   EXPECT_EQ(wrong_with(text, "r"), "");

@@ -15,6 +15,7 @@
 #include "slicecorr/error.hpp"
 #include "slicecorr/kinetics.hpp"
 #include "slicecorr/resins/measurements.hpp"
+#include "slicecorr/uncertainty.hpp"
 #include "slicecorr/units.hpp"
 #include "slicecorr/unmeasured_light.hpp"
 
@@ -165,6 +166,22 @@ void check_measurements(CheckedFile& definition) {
     } catch (const Error& e) {
       definition.add(line, "provenance.measurements", e.what());
     }
+  }
+}
+
+/// What errors of the fit are asked of: a text that can't be read is said here, before a print needs it.
+void check_covariance(CheckedFile& definition) {
+  const toml::table* t = definition.table("provenance");
+  const toml::node* node = t ? t->get("covariance") : nullptr;
+  if (!node || node->value_or(std::string()) == "unknown") return;
+  try {
+    parse_uncertainty("fit", ExposureMode::continuous, 1, {definition.text, definition.path});
+  } catch (const Error& e) {
+    // Of a text that is read, what is said of its numbers is the print's affair.
+    const std::string_view what = e.what();
+    if (what.find("provenance.covariance") == std::string_view::npos) return;
+    definition.add(node->source().begin.line, "provenance.covariance",
+                   fmt::format("does not tell how sure the resin is: {}", what), true);
   }
 }
 
@@ -350,6 +367,7 @@ void check_resin(CheckedFile& file) {
   check_heights(file);
   check_composition(file);
   check_measurements(file);
+  check_covariance(file);
   check_chemistry(file);
   check_inhibition(file);
 }

@@ -53,30 +53,50 @@ std::string errors_of(const FitResult& fit) {
   std::string out;
   for (const Parameter& p : fit.parameters) {
     out += fmt::format("{}{} {}", out.empty() ? "" : ", ", p.name,
-                       p.fixed ? std::string("fixed") : figure(p.stderr_));
+                       p.fixed      ? std::string("fixed")
+                       : p.at_bound ? std::string("at its bound")
+                                    : figure(p.stderr_));
   }
   return out;
 }
 
-/// "h_um, dc_mj_cm2: [[4.1, 0.2], [0.2, 0.03]]", of the free parameters.
+/// "h_um, dc_mj_cm2: [[4.1, 0.2], [0.2, 0.03]]", of the free parameters; what ended at a bound has no
+/// variance.
 std::string covariance_of(const FitResult& fit) {
   std::string names;
   std::size_t free = 0;
+  std::vector<std::size_t> known;
   for (const Parameter& p : fit.parameters) {
     if (p.fixed) continue;
-    names += fmt::format("{}{}", names.empty() ? "" : ", ", p.name);
+    if (!p.at_bound) {
+      names += fmt::format("{}{}", names.empty() ? "" : ", ", p.name);
+      known.push_back(free);
+    }
     ++free;
   }
-  if (free == 0 || fit.covariance.size() != free * free) return "unknown";
+  if (known.empty() || fit.covariance.size() != free * free) return "unknown";
   std::string rows;
-  for (std::size_t i = 0; i < free; ++i) {
+  for (const std::size_t i : known) {
     std::string row;
-    for (std::size_t j = 0; j < free; ++j) {
-      row += fmt::format("{}{:.6g}", j ? ", " : "", fit.covariance[i * free + j]);
+    for (const std::size_t j : known) {
+      const double value = fit.covariance[i * free + j];
+      if (!std::isfinite(value)) return "unknown";
+      row += fmt::format("{}{:.6g}", row.empty() ? "" : ", ", value);
     }
-    rows += fmt::format("{}[{}]", i ? ", " : "", row);
+    rows += fmt::format("{}[{}]", rows.empty() ? "" : ", ", row);
   }
   return fmt::format("{}: [{}]", names, rows);
+}
+
+/// A number that stands where a bound of ours stopped it is none of the resin's.
+void check_bounds(const FitResult& fit) {
+  for (const Parameter& p : fit.parameters) {
+    if (!p.at_bound || p.bound_given) continue;
+    throw InputError(fmt::format(
+        "the {} fit makes no resin file: {} ended at its bound, {:.4g}, and is not what was measured; "
+        "expected measurements that tell it, or a value or bounds for it that are asked for",
+        name_of(fit.model), p.name, p.value));
+  }
 }
 
 /// `previous`: what the text said before; nullptr for a new one.
@@ -197,6 +217,7 @@ std::string record_text_from_fit(const std::string& name, const std::vector<FitR
   check_name(name);
   const FitResult *cure = nullptr, *zone = nullptr;
   for (const FitResult& fit : fits) {
+    check_bounds(fit);
     if (is_cure_fit(fit)) cure = &fit;
     if (is_dead_zone_fit(fit)) zone = &fit;
   }

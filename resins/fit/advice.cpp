@@ -6,8 +6,10 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
+#include <map>
 
 #include "fit/statistics.hpp"
 
@@ -209,6 +211,44 @@ void advise_dead_zones(const PreparedFit& s, const FitResult& result, const Diag
   }
 }
 
+/// Rows that say again, digit for digit, what earlier ones said: a table that was pasted twice would
+/// count as new measurements. Whole tables are known by each row's being there equally often, pieces
+/// by a run of rows that stands there before; fewer than `least` repeat by chance.
+void advise_repeats(const FitResult& result, std::vector<std::string>& out) {
+  constexpr std::size_t least_rows = 4, least_run = 6, most_places = 4;
+  using Row = std::array<double, 5>;
+  std::map<Row, std::vector<std::size_t>> places;
+  std::vector<const std::vector<std::size_t>*> same;
+  for (std::size_t i = 0; i < result.points.size(); ++i) {
+    const FitPoint& p = result.points[i];
+    auto& of_row = places[{p.blue_mw_cm2, p.uv_mw_cm2, p.exposure_s, p.dose_mj_cm2, p.measured_um}];
+    of_row.push_back(i);
+    same.push_back(&of_row);
+  }
+  const std::size_t n = same.size(), often = n > 0 ? same.front()->size() : 0;
+  const bool whole = often > 1 && places.size() >= least_rows && places.size() * often == n &&
+                     std::ranges::all_of(
+                         places, [&](const auto& of_row) { return of_row.second.size() == often; });
+  std::size_t repeated = whole ? n - places.size() : 0;
+  for (std::size_t at = 0; at < n && !whole;) {
+    std::size_t longest = 0;
+    const auto& earlier = *same[at];
+    for (std::size_t k = 0; k < std::min(earlier.size(), most_places) && earlier[k] < at; ++k) {
+      const std::size_t from = earlier[k];
+      std::size_t run = 0;
+      while (at + run < n && from + run < at && same[from + run] == same[at + run]) ++run;
+      longest = std::max(longest, run);
+    }
+    if (longest >= least_run) repeated += longest;
+    at += longest >= least_run ? longest : 1;
+  }
+  if (repeated == 0) return;
+  out.push_back(fmt::format(
+      "{} of {} measurements repeat earlier ones digit for digit: was a table pasted or given twice? "
+      "Then leave the copies out: they make intervals {:.2g} times too narrow",
+      repeated, n, std::sqrt(static_cast<double>(n) / static_cast<double>(n - repeated))));
+}
+
 /// The dose of gel, in mJ/cm² at the intensities measured, and where resins have theirs: those of
 /// the database from 2 to 240. A slip of units is a factor of 1000 or 60.
 constexpr double kLeastGelDose = 0.05, kGreatestGelDose = 2000;
@@ -309,7 +349,8 @@ std::string why_unknown(const PreparedFit& prepared, const std::string& name) {
           "several times",
           time.count, std::exp(time.low));
     }
-    if (name == "m" && blue.factor() < 4) {
+    // Logarithms and back: 10 to 40 are a factor of 4.
+    if (name == "m" && blue.factor() < 4 * (1 - 1e-9)) {
       return fmt::format(
           "the intensities differ by a factor of {:.3g} only ({:.4g} to {:.4g} mW/cm2); measure at "
           "intensities that differ by at least a factor of 4",
@@ -347,6 +388,7 @@ std::vector<std::string> advise(const PreparedFit& prepared, const FitResult& re
                                 const Diagnosis& d) {
   std::vector<std::string> out;
   advise_intervals(prepared, result, out);
+  advise_repeats(result, out);
   advise_units(prepared, d, out);
   advise_cured(prepared, result, d, out);
   advise_dead_zones(prepared, result, d, out);
@@ -451,6 +493,13 @@ std::vector<bool> hidden_outliers(const Diagnosis& d, double reading) {
   return found;
 }
 
+/// Where a measurement is a thousandth of what is expected, or a thousand times that.
+const char* unit_slip(const FitPoint& point) {
+  const double ratio = point.measured_um / point.predicted_um;
+  const auto about = [&](double factor) { return ratio > factor / 2.5 && ratio < factor * 2.5; };
+  return about(1e-3) ? "; is it in mm?" : about(1e3) ? "; is it in nm?" : "";
+}
+
 }  // namespace
 
 void find_outliers(const PreparedFit& prepared, const Diagnosis& d, FitResult& result) {
@@ -497,9 +546,9 @@ void find_outliers(const PreparedFit& prepared, const Diagnosis& d, FitResult& r
       result.outliers.push_back(
           {prepared.point_of[i],
            fmt::format("{}: measured {:.4g} um, {:.4g} um expected: {:.1f} times "
-                       "the scatter of the others (limit {:.1f})",
+                       "the scatter of the others (limit {:.1f}){}",
                        place, point.measured_um, point.predicted_um, std::abs(point.studentised),
-                       limit)});
+                       limit, unit_slip(point))});
     } else if (point.leverage > 0.5 && point.cooks_distance > 4 / n &&
                std::abs(point.studentised) > 2) {
       // More than half of what is predicted there is its own measurement.

@@ -130,6 +130,14 @@ std::string verdict_of(const Reciprocity& r, double half, double error, double w
     by_aic = fmt::format("AICc prefers {} by {:.3g}", gain > 0 ? "the kinetic law" : "Jacobs' law",
                          std::abs(gain));
   }
+  const auto dose_at_a_quarter = [](double m) { return std::pow(0.25, 1 - m); };
+  if (r.holds && std::max(1 - r.m_ci95[0], r.m_ci95[1] - 1) > 0.2) {
+    return fmt::format(
+        "The measurements neither contradict reciprocity nor tell it: {} does not differ from 1, and "
+        "{}; but as far as anybody knows the same height needs {:.2f} to {:.2f} times the dose at a "
+        "quarter of the intensity (95 %).",
+        figures, by_aic, dose_at_a_quarter(r.m_ci95[0]), dose_at_a_quarter(r.m_ci95[1]));
+  }
   if (r.holds) {
     return fmt::format(
         "Reciprocity holds: {} does not differ from 1, and {}. Only the dose counts, as in Jacobs' "
@@ -140,7 +148,7 @@ std::string verdict_of(const Reciprocity& r, double half, double error, double w
       "Reciprocity does not hold: {} differs from 1, and {}. At a quarter of the intensity the "
       "same height needs {:.2f} times the dose; Jacobs' law is off by up to {:.3g} um at the doses "
       "measured.",
-      figures, by_aic, std::pow(0.25, 1 - r.m), worst_um);
+      figures, by_aic, dose_at_a_quarter(r.m), worst_um);
 }
 
 }  // namespace

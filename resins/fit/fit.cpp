@@ -315,6 +315,7 @@ FitResult fit(const Measurements& data, FitModel model, const FitOptions& option
   result.warnings.insert(result.warnings.end(), prepared.warnings.begin(), prepared.warnings.end());
   result.warnings.insert(result.warnings.end(), held.begin(), held.end());
   fill_parameters(prepared, solution, diagnosis, result);
+  for (Parameter& p : result.parameters) p.bound_given = options.bounds.contains(p.name);
   if (free) widen_intervals(*free, result);
   fill_points(prepared, diagnosis, result);
   fill_quality(prepared, diagnosis, result);

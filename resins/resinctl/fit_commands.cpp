@@ -271,13 +271,14 @@ int run_fit(const FitArguments& a, const ExecutionContext& context, Console& con
   if (!kind_of(model).dead_zones) {
     result.left_out = compare_left_out(measurements, options, context);
   }
-  if (!a.output.empty()) write_record(a, result, console);
   if (!a.json.empty()) cli::print_or_write(a.json, result.to_json());
   if (a.json == "-") {
     console.say(result.to_text());
   } else {
     cli::print_result(result.to_text() + "\n");
   }
+  // Whoever is told that no file can be made of it has seen what was found.
+  if (!a.output.empty()) write_record(a, result, console);
   return cli::kDone;
 }
 

@@ -105,7 +105,8 @@ struct Parameter {
   std::optional<std::array<double, 2>> bootstrap95;  ///< percentiles of resampled fits
   /// Held at a value: asked for, or because the measurements can't tell it (with a warning).
   bool fixed = false;
-  bool at_bound = false;  ///< it ended there, so neither stderr nor interval is known
+  bool at_bound = false;     ///< it ended there, so neither stderr nor interval is known
+  bool bound_given = false;  ///< its bounds were asked for
 };
 
 /// One measurement beside the fit.

@@ -258,6 +258,25 @@ TEST_F(DefinitionFiles, LightThatIsToBeMeasuredIsRefusedWhereItIsNeeded) {
                InputError);
 }
 
+// Prints without a vial do not count what inhibitors take, and say so.
+TEST_F(DefinitionFiles, InhibitorsOfVialsAreTold) {
+  const auto told = [](const char* printer, const char* resin) {
+    std::string all;
+    for (const std::string& text :
+         definition_notices(load_printer(printer), load_resin(resin), false)) {
+      all += text + "\n";
+    }
+    return all;
+  };
+  EXPECT_THAT(
+      told("dual-wavelength-dlp", "kelly-bpagda-pegda"),
+      testing::HasSubstr("inhibition_resupply_mj_cm3_s), which count in tomographic prints alone"));
+  EXPECT_THAT(told("kelly-projector-and-vial", "kelly-bpagda-pegda"),
+              testing::Not(testing::HasSubstr("tomographic prints alone")));
+  EXPECT_THAT(told("dual-wavelength-dlp", "benchy-resin"),
+              testing::Not(testing::HasSubstr("tomographic prints alone")));
+}
+
 TEST_F(DefinitionFiles, ModelsOfPrintersAreToldAndMayBeAssumed) {
   Resin resin;
   resin.name = "r";

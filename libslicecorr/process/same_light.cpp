@@ -9,6 +9,7 @@
 
 #include "slicecorr/error.hpp"
 #include "slicecorr/light_unit.hpp"
+#include "slicecorr/vial_keys.hpp"
 
 namespace slicecorr {
 
@@ -88,6 +89,20 @@ std::vector<std::string> light_notices(const Printer& printer, const Resin& resi
   return told;
 }
 
+std::string vial_keys_in_words(const Resin& resin) {
+  const bool taken = resin.inhibition_dose_mj_cm3 > 0,
+             again = resin.inhibition_resupply_mj_cm3_s > 0;
+  if (!taken && !again) return {};
+  return fmt::format(
+      "resin '{}' has inhibitors that light must use up first ({}), which count in tomographic prints "
+      "alone: gel may come later than is told{}",
+      resin.name,
+      !again   ? "inhibition_dose_mj_cm3"
+      : !taken ? "inhibition_resupply_mj_cm3_s"
+               : "inhibition_dose_mj_cm3, inhibition_resupply_mj_cm3_s",
+      again ? ", and in dim light never" : "");
+}
+
 std::vector<std::string> definition_notices(const Printer& printer, const Resin& resin, bool uv) {
   std::vector<std::string> told = printer.unread.sentences;
   told.insert(told.end(), resin.unread.sentences.begin(), resin.unread.sentences.end());
@@ -95,6 +110,9 @@ std::vector<std::string> definition_notices(const Printer& printer, const Resin&
     told.push_back(fmt::format(
         "printer '{}' is a model: its light is made up, and figures are those of that light: measure that of your own",
         printer.name));
+  }
+  if (std::string text = vial_keys_in_words(resin); !printer.vial && !text.empty()) {
+    told.push_back(std::move(text));
   }
   for (std::string& text : light_notices(printer, resin, uv)) told.push_back(std::move(text));
   return told;

@@ -15,6 +15,7 @@
 #include "slicecorr/limit.hpp"
 #include "slicecorr/resins/design.hpp"
 #include "slicecorr/units.hpp"
+#include "slicecorr/vial_keys.hpp"
 #include "support/json/finite.hpp"
 #include "support/json/read_json.hpp"
 #include "support/numbers/bracket.hpp"
@@ -300,6 +301,9 @@ Forecast predict(const Resin& resin, const Question& q) {
     f.back_settled_s = back_settled_s(k, q.blue_mw_cm2, q.uv_mw_cm2);
   }
   describe_start(f, f.sentences);
+  if (const std::string text = vial_keys_in_words(resin); !text.empty()) {
+    f.sentences.push_back(text + ".");
+  }
   describe_exposure(f, f.sentences);
   describe_lift(f, f.sentences);
   describe_passing(f, f.sentences);

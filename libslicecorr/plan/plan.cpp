@@ -191,8 +191,10 @@ void change_along_z(const SliceSource& target, const DesignColumns& columns,
                     const PartHeights& heights, Planner& planner, PrintPlan& plan,
                     const ExecutionContext& context) {
   const char* const why_not =
-      !plan.light                     ? "UV light is on"
-      : plan.setup.printer.flat_field ? "the display's light is uneven"
+      plan.setup.process.uv.kind != UvKind::off ? "UV light is on"
+      : plan.setup.resin.has_gel_time()         ? "the resin has a time to gel"
+      : !plan.light                             ? "the resin bleaches"
+      : plan.setup.printer.flat_field           ? "the display's light is uneven"
       : light_spreads(plan.setup.printer, plan.setup.resin, plan.setup.process) ? "light spreads"
       : plan.lamp_share < 1 ? "less light is planned than the lamp has"
                             : nullptr;

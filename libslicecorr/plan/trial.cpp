@@ -153,10 +153,10 @@ class Trials::Block {
       fail(e.column, at);
     }
     for (const Run& r : runs_) {
-      // Between two gaps that are left out nothing is promised.
-      if (left_out.contains({r.column, r.first}) || left_out.contains({r.column, r.last + 1})) {
-        continue;
-      }
+      // Beside a gap that is left out a feature may vanish; that one comes apart nobody left out.
+      const bool beside =
+          left_out.contains({r.column, r.first}) || left_out.contains({r.column, r.last + 1});
+      if (r.lost && beside) continue;
       const PlanPlace at = place(r.column, r.first, r.last);
       r.lost ? Findings::count(f.lost, f.lost_at, at) : Findings::count(f.split, f.split_at, at);
       fail(r.column, at);

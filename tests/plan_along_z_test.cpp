@@ -17,6 +17,7 @@
 #include "slicecorr/correct.hpp"
 #include "slicecorr/dose.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/machine_motion.hpp"
 #include "slicecorr/plan.hpp"
 #include "slicecorr/recording.hpp"
 #include "slicecorr/simulate.hpp"
@@ -35,6 +36,29 @@ Process with_speeds(double most_mm_h, std::vector<double> speeds) {
 
 CureModel model_of(const Process& p) {
   return make_cure_model(linear_printer(1, 100), resin(576, 2000), p, 50);
+}
+
+// v² changes by 2 A h at most within a slice: at 1 mm/s² and 50 um from 400 to 1206.6 mm/h.
+TEST(SlicesThatDiffer, StepsThatTheStageCantFollowAreRefused) {
+  const MachineMotion machine{.printer = "p", .acceleration_um_s2 = 1000};
+  const auto moved = [&](std::vector<double> speeds) {
+    Process p = with_speeds(1900, std::move(speeds));
+    p.ramp = Ramp::outside;
+    print_motion({p, 1, 2000, 50, 40}, machine);
+  };
+  const auto why = [&](std::vector<double> speeds) -> std::string {
+    try {
+      moved(std::move(speeds));
+    } catch (const InfeasibleError& e) {
+      return e.what();
+    }
+    return "";
+  };
+  EXPECT_THAT(why({400, 1900, 400}),
+              testing::AllOf(HasSubstr("slices 0 and 1 go at 400 and 1900 mm/h"),
+                             HasSubstr("from 400 to 1206.6 mm/h at most")));
+  EXPECT_THAT(why({1206.6, 1206.6, 390}), HasSubstr("slices 1 and 2 go at"));
+  EXPECT_EQ(why({400, 1206.6, 400}), "");
 }
 
 TEST(SlicesThatDiffer, TimeAndLightAreThoseOfTheirSpeeds) {

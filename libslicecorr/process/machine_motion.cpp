@@ -76,10 +76,31 @@ void check_changes(const MovedPrint& print, const MachineMotion& machine) {
   }
 }
 
-/// Speeds of slices, and whether the blue lamp can follow them.
+/// Whether the stage gets from the speed of each slice to that of the next, in the faster of both.
+void check_steps(const MovedPrint& print, const MachineMotion& machine) {
+  if (!(machine.acceleration_um_s2 > 0) || !(print.layer_um > 0)) return;
+  // Tables of speeds are rounded.
+  constexpr double kRounding = 1e-3;
+  for (int n = 0; n + 1 < print.slices; ++n) {
+    const double here = speed_um_s(print.process, n), next = speed_um_s(print.process, n + 1);
+    const double um = slice_height_um(print.process, print.layer_um, here > next ? n : n + 1);
+    const double most = 2 * machine.acceleration_um_s2 * um;
+    if (std::abs(here * here - next * next) <= most * (1 + kRounding)) continue;
+    const double slow = std::min(here, next);
+    throw InfeasibleError(fmt::format(
+        "slices {} and {} go at {:.4g} and {:.4g} mm/h, and within a slice of {:g} um the stage of printer '{}' "
+        "gets from {:.4g} to {} mm/h at most (acceleration_mm_s2); correct the part for speeds that change "
+        "less from slice to slice",
+        n, n + 1, here * kMmHFromUmS, next * kMmHFromUmS, um, machine.printer, slow * kMmHFromUmS,
+        at_most(std::sqrt(slow * slow + most) * kMmHFromUmS)));
+  }
+}
+
+/// Speeds of slices, and whether stage and blue lamp can follow them.
 void check_slice_speeds(const MovedPrint& print, const MachineMotion& machine) {
   const Process& process = print.process;
   if (process.slice_speed_mm_h.empty()) return;
+  check_steps(print, machine);
   if (slices_differ(process)) return check_changes(print, machine);
   const auto slowest =
       std::min_element(process.slice_speed_mm_h.begin(), process.slice_speed_mm_h.end());

@@ -4,10 +4,12 @@
 #include "correct/tried_column.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 
 #include "correct/coverage.hpp"
+#include "correct/layer_walk.hpp"
 #include "correct/tried_doses.hpp"
 #include "cure/margin.hpp"
 #include "cure/own_exposure.hpp"
@@ -21,6 +23,8 @@ namespace {
 /// Doses of nodes inside features: between nodes the dose may dip by a little where light changes, the
 /// more the further it falls in a slice.
 constexpr double kInside = 1.003;
+/// The same between the eighths of a layer: a dip between these is a sixty-fourth of one between nodes.
+constexpr double kBetween = 1.0005;
 /// Edges are aimed at no further from their nodes, in slices: beyond, the middle of a layer would give
 /// way.
 constexpr double kFarthest = 0.43;
@@ -117,6 +121,8 @@ class TriedColumn final : public ColumnSolver {
   bool can_do(int n);
   /// Whether the present slice has its layer of a feature printed.
   bool prints(int n) const;
+  /// Whether the dose stays enough between the middle and the nodes of a layer, up to its edges.
+  bool holds_between(int n) const;
   bool edge_above(int n) const { return n > 0 && is_gap(n - 1); }
   /// The least level from `least` on for which `enough`, which holds for all brighter ones; the highest
   /// where none does. `guess`: where to look first. Leaves that level set.
@@ -133,6 +139,7 @@ class TriedColumn final : public ColumnSolver {
   const ColumnBounds* bounds_ = nullptr;  ///< of the column at hand
   Doses doses_;
   std::vector<Level> levels_;
+  std::vector<CoverageRun> decided_;
   std::vector<std::uint8_t> cover_;
   std::vector<double> below_;
   std::vector<std::int16_t> given_;
@@ -300,13 +307,27 @@ double TriedColumn<Doses>::lower_edge_up(int n) const {
 }
 
 template <typename Doses>
+bool TriedColumn<Doses>::holds_between(int n) const {
+  // Without a time to gel the dose of a layer goes one way.
+  if (plan_.layerwise || !plan_.model.gel_time()) return true;
+  const double low = lower_edge_up(n);
+  const bool edge = edge_above(n);
+  const double high = edge ? 1.0 - std::max(0.0, edge_below(n)) : 1.0;
+  const double enough = std::max(1.0 + plan_.margin(), edge ? 1.0 : kBetween);
+  return std::ranges::all_of(std::array{0.125, 0.25, 0.375, 0.625, 0.75, 0.875}, [&](double up) {
+    return up <= low || up >= high || dose(n, up) >= enough;
+  });
+}
+
+template <typename Doses>
 bool TriedColumn<Doses>::prints(int n) const {
   if (middle(n) < 1.0 + plan_.margin()) return false;
   const double up = lower_edge_up(n);
   if (up > 0 && dose(n, up) < 1.0 + plan_.margin()) return false;
-  if (edge_above(n)) return true;
+  if (edge_above(n)) return holds_between(n);
   const double enough = std::max(1.0 + plan_.margin(), wanted(n));
-  return upper(n) >= (cover(n - 1) == kFull ? std::max(kInside, enough) : enough);
+  return upper(n) >= (cover(n - 1) == kFull ? std::max(kInside, enough) : enough) &&
+         holds_between(n);
 }
 
 template <typename Doses>
@@ -518,8 +539,8 @@ void TriedColumn<Doses>::place_edge(int n) {
       const int level = at + (k % 2 ? (k + 1) / 2 : -k / 2);
       if (level < floor(slice) || level > cap(slice)) continue;
       set(slice, level);
-      const bool fits =
-          middle(slice) >= 1.0 + plan_.margin() && upper(slice) >= 1.0 + plan_.margin();
+      const bool fits = middle(slice) >= 1.0 + plan_.margin() &&
+                        upper(slice) >= 1.0 + plan_.margin() && holds_between(slice);
       if (fits && self(self, slice - 1)) return true;
     }
     return false;
@@ -534,7 +555,9 @@ template <typename Doses>
 const std::vector<Level>& TriedColumn<Doses>::solve(const std::vector<CoverageRun>& runs,
                                                     const ColumnBounds& bounds) {
   bounds_ = &bounds;
-  read(runs, bounds.left_alone);
+  const bool decides = plan_.layerwise && plan_.model.lifts && bounds.wanted.empty();
+  if (decides) decide_greys(runs, decided_);
+  read(decides ? decided_ : runs, bounds.left_alone);
   read_wanted();
   doses_.clear();
   before_ = 0;

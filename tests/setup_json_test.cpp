@@ -230,12 +230,15 @@ TEST(SetupRefused, WhatChangesNothingIsNotTaken) {
     uv.uv_mw_cm2 = 50;
     EXPECT_EQ(refusal(uv), "");
     EXPECT_THAT(with(uv), HasSubstr(name + " changes nothing under UV light"));
-    // Where levels are tried, both count in both modes.
-    SetupChoices tried = layers();
-    tried.resin = std::string(SLICECORR_DB_DIR) + "/bis-ema-tpo-gel-time.toml";
-    tried.other_wavelength = "take";
-    EXPECT_EQ(refusal(tried), "");
-    EXPECT_EQ(with(tried), "");
+    // Where levels are tried, both count in continuous exposure, and layer by layer neither does.
+    for (SetupChoices tried : {continuous(), layers()}) {
+      tried.resin = std::string(SLICECORR_DB_DIR) + "/bis-ema-tpo-gel-time.toml";
+      tried.other_wavelength = "take";
+      EXPECT_EQ(refusal(tried), "");
+      EXPECT_THAT(with(tried), tried.mode == "layerwise"
+                                   ? HasSubstr(name + " changes nothing layer by layer")
+                                   : HasSubstr(""));
+    }
   }
   SetupChoices gap = continuous();
   gap.gap_um = 80;

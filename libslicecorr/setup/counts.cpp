@@ -15,9 +15,9 @@ namespace slicecorr {
 void detail::check_counts(const Setup& setup, const SetupChoices& choices, ChoiceNames names) {
   const auto o = [&](std::string_view name) { return setting_name(names, name); };
   const Process& p = setup.process;
-  // Where levels are tried, both count in both modes (tried_column.hpp).
-  const bool tried = !setup.resin.adds_up();
   const bool continuous = p.mode == ExposureMode::continuous;
+  // Where levels are tried, both count, whatever the law (tried_column.hpp).
+  const bool tried = continuous && !setup.resin.adds_up();
   for (const std::string_view name : {"edge_aim_um", "gap_shortfall"}) {
     if (!is_said(*find_setting(name), choices) || tried) continue;
     if (!continuous || p.uv.kind != UvKind::off) {

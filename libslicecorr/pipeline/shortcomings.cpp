@@ -35,6 +35,12 @@ void tell_shortcomings(const Prediction& p, const CureModel& model, const Proces
         "{} voxels will still cure through with the share of resin that lifts are said to exchange, "
         "because no feature is cut into for any share that is believed",
         p.cure_through_voxels));
+  } else if (p.cure_through_voxels > 0 && p.undercure_voxels == 0 && p.joints &&
+             p.left_alone_voxels == 0) {
+    context.tell(fmt::format(
+        "{} voxels will still cure through, because each layer must hold by its own exposure when the "
+        "platform lifts",
+        p.cure_through_voxels));
   } else if (process.even_light && p.undercure_voxels > 0) {
     context.tell(fmt::format(
         "{} voxels will still cure through and {} stay undercured with light for a dead zone of {:.4g} um: "

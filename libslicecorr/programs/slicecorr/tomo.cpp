@@ -11,10 +11,13 @@
 #include <utility>
 
 #include "slicecorr/error.hpp"
+#include "slicecorr/limit.hpp"
 #include "slicecorr/load_printer.hpp"
 #include "slicecorr/same_light.hpp"
 #include "slicecorr/tomo/print.hpp"
 #include "slicecorr/tomo/shown.hpp"
+#include "support/text/display_text.hpp"
+#include "support/toml/toml_table.hpp"
 
 namespace slicecorr::cli {
 
@@ -30,15 +33,14 @@ std::string in_words(const PrintFigures& f) {
       "part {} voxels, void {}, of which {} gel with the part\n"
       "dose in the part {:.4g} to {:.4g} mJ/cm³, in void up to {:.4g}; {:.4g} gels\n"
       "overlap {:.5f} at that dose, {:.5f} at the best\n"
-      "{} turns, {:.0f} min {:02.0f} s; light {:.2f} % of the brightest in the mean; alpha R {:.3g}",
+      "{} turns, {}; light {:.2f} % of the brightest in the mean; alpha R {:.3g}",
       m.contrast,
       std::isfinite(f.contrast_bound)
           ? fmt::format(" (no light has more than {:.4g})", f.contrast_bound)
           : std::string(),
       m.contrast, m.gel, m.empty, m.void_gelled, m.min_gel, m.max_gel, m.max_void,
-      f.gel_dose_mj_cm3, f.jaccard_at_dose, m.best_jaccard, f.turns,
-      std::floor(f.print_time_s / 60), std::fmod(f.print_time_s, 60.0), 100 * f.efficiency,
-      f.alpha_r);
+      f.gel_dose_mj_cm3, f.jaccard_at_dose, m.best_jaccard, f.turns, text::duration(f.print_time_s),
+      100 * f.efficiency, f.alpha_r);
   if (!f.feasible()) text += fmt::format("\n{}", f.fault());
   if (f.gel_centres_below_dose) {
     text += fmt::format(
@@ -78,6 +80,21 @@ int tell(const PrintFigures& figures, const std::string& json, Console& console)
   return figures.feasible() ? kDone : kMissed;
 }
 
+/// What printbridge will say of a job of more turns than the stage counts (`[stage] travel_turns` of a
+/// printer file that drives one).
+void tell_too_many_turns(const TomoOptions& o, const PrintFigures& figures,
+                         const ExecutionContext& context) {
+  const std::string path = find_definition(o.printer, "printer");
+  const toml::table file = parse_toml(read_text_file(path), path);
+  const auto most = file["stage"]["travel_turns"].value<double>();
+  const double turns = figures.turns;
+  if (!most || turns <= *most) return;
+  context.tell(fmt::format(
+      "printbridge will refuse this job: it has {} turns, {}, and the stage of the printer counts {:g} "
+      "(travel_turns); expected {:.3g} times as much light, or a gel dose as many times lower",
+      figures.turns, text::duration(figures.print_time_s), *most, rounded_up(turns / *most, 3)));
+}
+
 int solve(const TomoOptions& o, const ExecutionContext& context, Console& console) {
   if (o.wanted.empty() && o.volume.empty() == o.mesh.parts.empty()) {
     throw InputError("expected meshes, or a volume (--volume), or wanted doses (--wanted)");
@@ -95,6 +112,10 @@ int solve(const TomoOptions& o, const ExecutionContext& context, Console& consol
   }
   check_output(o.output, inputs);
   check_output(o.json, inputs);
+  if (!o.output.ends_with(".frames")) {
+    context.tell(o.output +
+                 ": is a job of frames, which other programs know by the ending .frames");
+  }
   const std::string picture = o.picture.empty() ? o.output + ".infeasible.png" : o.picture;
   check_picture_name(picture);
   inputs.insert(inputs.end(), {o.output, o.json});
@@ -137,6 +158,7 @@ int solve(const TomoOptions& o, const ExecutionContext& context, Console& consol
   forget();
   console.say(fmt::format("{}: {} frames of {} x {} pixels", o.output, print.job.sampling.angles,
                           printer.width_px, printer.height_px));
+  tell_too_many_turns(o, print.figures, context);
   return tell(print.figures, o.json, console);
 }
 

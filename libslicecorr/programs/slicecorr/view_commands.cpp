@@ -13,6 +13,7 @@
 #include "slicecorr/bodies.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/first_slices.hpp"
+#include "slicecorr/light_spreads.hpp"
 #include "slicecorr/report.hpp"
 #include "slicecorr/same_light.hpp"
 #include "slicecorr/solid.hpp"
@@ -369,6 +370,12 @@ int solid(const Arguments& a, const ExecutionContext& context, Console& console)
                   "{:.3f} mm",
                   a.output, r.triangles, r.volume_mm3, r.lower[0], r.lower[1], r.lower[2],
                   r.upper[0], r.upper[1], r.upper[2]));
+  if (!light_spreads(setup.printer, setup.resin, setup.process)) {
+    console.say(fmt::format(
+        "walls of the surface lie where the dose, drawn straight from pixel to pixel, is 1: as far as half "
+        "a pixel ({:g} um) outside of where light ends, and the volume is as much above that of what prints",
+        std::max(g.pixel_x_um, g.pixel_y_um) / 2));
+  }
   if (figures.contains("design_volume_mm3")) {
     console.say(
         fmt::format("design as sliced: {:.4f} mm³", figures["design_volume_mm3"].get<double>()));

@@ -44,6 +44,13 @@ const std::vector<const ArchiveFormat*>& all_archive_formats() {
 }
 
 const ArchiveFormat& recognise_format(const Container& archive) {
+  // Whatever it is called: its config.json would pass for another's.
+  if (archive.has("frame/00000000.png")) {
+    throw InputError(
+        archive.path(), "",
+        "is a job of frames for a vial that turns; expected a slice archive. `slicecorr tomo "
+        "verify` and `printbridge print` take jobs");
+  }
   for (const ArchiveFormat* f : all_archive_formats()) {
     if (f->container() == archive.kind() && f->recognises(archive)) return *f;
   }

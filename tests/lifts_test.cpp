@@ -177,26 +177,6 @@ TEST(Lifts, WhatStandsOnThePlatformKeepsItsLight) {
   for (const auto level : levels) EXPECT_EQ(level, 255);
 }
 
-// Greys of other slicers: from half on a pixel is part and gets the light of one, below it gets none.
-TEST(Lifts, GreysArePartOrNot) {
-  const Lift l{25, 157, 40, 1.2};
-  const auto plan = plan_of(l, 120);
-  for (const int first : {0, 40}) {
-    std::vector<std::uint8_t> part = test::column(120, {{first, 119}}), grey = part;
-    const auto levels = solve_column(plan, part);
-    for (const int coverage : {128, 191, 254}) {
-      // All of a wall, its first layers, or those at its end.
-      for (const auto& [from, to] : {std::pair{first, 120}, {first, first + 3}, {110, 120}}) {
-        grey = part;
-        std::fill(grey.begin() + from, grey.begin() + to, static_cast<std::uint8_t>(coverage));
-        EXPECT_EQ(solve_column(plan, grey), levels) << coverage << " " << from;
-      }
-    }
-    std::fill(grey.begin() + first, grey.end(), std::uint8_t{127});
-    for (const auto level : solve_column(plan, grey)) EXPECT_EQ(level, 0);
-  }
-}
-
 /// What holds in a column, layer by layer, by a rule of its own: own exposures alone.
 struct Held {
   std::uint64_t not_holding = 0, films = 0;

@@ -110,7 +110,6 @@ class LayerColumn final : public ColumnSolver {
   KnownLevels known_;
   std::optional<LiftedLevels> lifted_;
   std::optional<WantedLayers> wanted_;
-  std::vector<CoverageRun> decided_;
   std::vector<LayerRun> runs_;
   std::vector<Level> levels_;
 };
@@ -133,9 +132,7 @@ const std::vector<Level>& LayerColumn::solve(const std::vector<CoverageRun>& run
   const auto light = [&](int n) {
     return plan_.levels.phi(levels_[static_cast<std::size_t>(n)]) * model.ratio(n);
   };
-  const bool decides = lifted_ && !wanted_;
-  if (decides) decide_greys(runs, decided_);
-  read_layer_runs(decides ? decided_ : runs, bounds.left_alone, plan_.all_layers, runs_);
+  read_layer_runs(runs, bounds.left_alone, plan_.all_layers, runs_);
   walk_.begin();
   for (std::size_t r = runs_.size(); r-- > 0;) {
     const LayerRun& run = runs_[r];
@@ -168,9 +165,7 @@ std::vector<double> solve_layers_exactly(const CorrectionPlan& plan,
   std::optional<LiftedFeature> lifted;
   if (model.lifts) lifted.emplace(model, nullptr, plan.most_exchange);
   std::vector<LayerRun> runs;
-  std::vector<CoverageRun> decided;
-  if (lifted) decide_greys(covered, decided);
-  read_layer_runs(lifted ? decided : covered, {}, plan.all_layers, runs);
+  read_layer_runs(covered, {}, plan.all_layers, runs);
   LayerWalk walk(model);
   std::vector<double> held;  // of the first layers of the feature at hand
   const auto of_lit = [&](const LayerRun& run, int n) {

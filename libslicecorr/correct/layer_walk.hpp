@@ -41,23 +41,6 @@ struct LayerRun {
   }
 };
 
-/// A column in which greys are decided, for prints whose layers must hold: a dose of less than 1 is a
-/// liquid pixel there, so what is half a part and more is part, and what is less is none.
-inline void decide_greys(const std::vector<CoverageRun>& covered, std::vector<CoverageRun>& out) {
-  constexpr std::uint8_t half = 128;
-  out.clear();
-  for (CoverageRun run : covered) {
-    if (run.coverage < half) continue;
-    run.coverage = kFull;
-    if (!out.empty() && out.back().end == run.first) {
-      out.back().end = run.end;
-      out.back().lower_height = run.lower_height;
-    } else {
-      out.push_back(run);
-    }
-  }
-}
-
 /// The runs of a column, from the platform on.
 inline void read_layer_runs(const std::vector<CoverageRun>& covered,
                             const std::vector<LeftAloneRun>& left_alone, int slices,

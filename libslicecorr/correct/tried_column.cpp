@@ -9,7 +9,6 @@
 #include <limits>
 
 #include "correct/coverage.hpp"
-#include "correct/layer_walk.hpp"
 #include "correct/tried_doses.hpp"
 #include "cure/margin.hpp"
 #include "cure/own_exposure.hpp"
@@ -139,7 +138,6 @@ class TriedColumn final : public ColumnSolver {
   const ColumnBounds* bounds_ = nullptr;  ///< of the column at hand
   Doses doses_;
   std::vector<Level> levels_;
-  std::vector<CoverageRun> decided_;
   std::vector<std::uint8_t> cover_;
   std::vector<double> below_;
   std::vector<std::int16_t> given_;
@@ -555,9 +553,7 @@ template <typename Doses>
 const std::vector<Level>& TriedColumn<Doses>::solve(const std::vector<CoverageRun>& runs,
                                                     const ColumnBounds& bounds) {
   bounds_ = &bounds;
-  const bool decides = plan_.layerwise && plan_.model.lifts && bounds.wanted.empty();
-  if (decides) decide_greys(runs, decided_);
-  read(decides ? decided_ : runs, bounds.left_alone);
+  read(runs, bounds.left_alone);
   read_wanted();
   doses_.clear();
   before_ = 0;

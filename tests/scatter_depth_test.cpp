@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The slicecorr authors
 // SPDX-License-Identifier: Apache-2.0
 
-// Light that scatters where doses do not follow from slice to slice: an exponent m other than 1, a bath that
-// ends. Doses are held against sums over all pixels and depths of the test's own.
+// Light that scatters, of any exponent m and in a bath that ends. Doses are held against sums over all pixels and
+// depths of the test's own.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
@@ -162,7 +162,8 @@ double greatest_difference(const MemorySlices& shown, const Case& c, const Case&
 constexpr double kOff = 8e-3, kOffLayerwise = 2e-2;
 
 TEST(ScatterDepth, DosesAreThoseOfTheDepths) {
-  const std::vector<Case> cases = {{1, 0.85, 0, 0},
+  const std::vector<Case> cases = {{1, 1, 0, 0},
+                                   {1, 0.85, 0, 0},
                                    {1, 0.85, 0, 40},
                                    {0.5, 1.3, 0, 25},
                                    {1, 1, 600, 0},

@@ -170,15 +170,13 @@ SpreadBand::SpreadBand(const SpreadLight& light, const SliceSource& stack,
                        const std::vector<Pixel>& places)
     : light_(light),
       slices_(slices),
-      // Light of all distances comes to the window itself, what has scattered from slice to slice does not.
-      field_(light.distances_.empty() ? light.grown(window, light.halo_x_, light.halo_y_)
-                                      : light.grown(window, 0, 0)),
+      field_(light.grown(window, 0, 0)),
       shown_(common(light.around(window), stack.bounds())),
       coded_(coded_band_of(stack, shown_)),
       images_(slices, coded_) {
   for (const Pixel& place : places) columns_.push_back(index(field_, place));
-  if (!light.scatter_.none() || !light.distances_.empty()) dose_.assign(columns_of(field_), 0.0);
   if (!light.distances_.empty()) {
+    dose_.assign(columns_of(field_), 0.0);
     const CureModel& model = light.model();
     const bool layerwise = model.mode == ExposureMode::layerwise;
     sums_.emplace(light.distances_,
@@ -365,12 +363,7 @@ const double* SpreadBand::of_columns(const std::vector<double>& field,
 
 void SpreadBand::scatter(int slice) {
   const CureModel& model = light_.model();
-  if (sums_) {
-    scattered_ = sums_->next();
-  } else {
-    scattered_ = dose_;
-    light_.scatter_.apply(scattered_.data(), field_);
-  }
+  scattered_ = sums_->next();
   const bool layerwise = model.mode == ExposureMode::layerwise;
   const double gain = (layerwise ? 1.0 : model.a / model.one_minus_a) / model.ratio(slice);
   const double per_phi = (layerwise ? model.a : model.one_minus_a) * model.ratio(slice);
@@ -386,7 +379,7 @@ void SpreadBand::scatter(int slice) {
     const std::vector<double>& field = kept_[k].field;
     for (std::size_t i = 0; i < dose_.size(); ++i) dose_[i] += weight * field[i];
   }
-  if (sums_) sums_->add(std::move(lit));
+  sums_->add(std::move(lit));
   ImageShowing gained;
   gained.setting = kNoExposure;
   gained.phi = of_columns(gained_, gained_of_columns_);
@@ -421,7 +414,7 @@ std::span<const ImageShowing> SpreadBand::of(int slice) {
     showing.pixels = nullptr;
     showing.phi = of_columns(kept_[k].field, kept_[k].phi);
   }
-  if (!dose_.empty()) scatter(slice);
+  if (sums_) scatter(slice);
   return showings_;
 }
 

@@ -203,6 +203,73 @@ TEST_F(NewerPrintFiles, Cxdlp4SaysItsLiftsLightAndMirror) {
               HasSubstr("light of their own"));
 }
 
+// A stopwatch at the printer shows the same of a file that was converted, to CTB and to GOO: stages, ways,
+// speeds, and waits. The bytes are looked at past the reader, at the places of the published layouts.
+TEST_F(NewerPrintFiles, NewFilesSayTheLiftsOfTheFileThatWasRead) {
+  const StackReader stack = reader(small_cxdlp4(0));
+  const auto f32 = [](const Bytes& bytes, std::size_t at, bool big) {
+    std::uint32_t v;
+    std::memcpy(&v, bytes.data() + at, 4);
+    return std::bit_cast<float>(big ? __builtin_bswap32(v) : v);
+  };
+  const auto u32 = [](const Bytes& bytes, std::size_t at) {
+    std::uint32_t v;
+    std::memcpy(&v, bytes.data() + at, 4);
+    return v;
+  };
+  for (const bool own : {false, true}) {
+    StackInfo info = stack.info();
+    ASSERT_TRUE(info.lift_times && info.lift_times->by_archive);
+    info.bottom_layers = info.lift_times->bottom_layers = 1;
+    info.bottom_exposure_s = 40;
+    info.lift_times->bottom.up_mm = 7;
+    // Heads of CTB files have no waits of bottom layers.
+    if (own) info.lift_times->bottom.before_light_s = 3;
+    for (const char* name : {"new.ctb", "new.goo"}) {
+      SCOPED_TRACE(testing::Message() << name << own);
+      const StackFile file(folder_ / name);
+      write_stack(file, {stack.grid(), small_cxdlp4(0).slices}, info);
+      const StackInfo again = StackReader::read_info(file.path);
+      ASSERT_TRUE(again.lift_times);
+      for (int n = 0; n < kFileLayers; ++n) {
+        const LiftMotion &a = info.lift_times->of(n), &b = again.lift_times->of(n);
+        EXPECT_EQ(a.up_mm, b.up_mm);
+        EXPECT_NEAR(a.up_mm_s, b.up_mm_s, 1e-6);
+        EXPECT_EQ(a.up_2_mm, b.up_2_mm);
+        EXPECT_EQ(a.up_2_mm_s, b.up_2_mm_s);
+        EXPECT_EQ(a.back_mm_s, b.back_mm_s);
+        EXPECT_EQ(a.back_2_mm, b.back_2_mm);
+        EXPECT_EQ(a.before_lift_s, b.before_lift_s);
+        EXPECT_EQ(a.after_lift_s, b.after_lift_s);
+        EXPECT_NEAR(dark_time(a, 50).all_s(), dark_time(b, 50).all_s(), 1e-5) << n;
+      }
+    }
+    const Bytes ctb = read_file(folder_ / "new.ctb"), goo = read_file(folder_ / "new.goo");
+    const std::size_t print = u32(ctb, 0x54), v4 = u32(ctb, u32(ctb, 0x68) + 0x40);
+    EXPECT_EQ(f32(ctb, print, false), 9);        // bottom lift: 7 mm and a second stage of 2
+    EXPECT_EQ(f32(ctb, print + 8, false), 5);    // lift
+    EXPECT_EQ(f32(ctb, print + 12, false), 80);  // its speed
+    EXPECT_EQ(f32(ctb, v4 + 0x18, false), 0.5F);
+    EXPECT_EQ(f32(ctb, v4 + 0x1c, false), 0.25F);
+    EXPECT_EQ(f32(ctb, v4 + 0x20, false), 0.75F);
+    EXPECT_EQ(f32(goo, 0x2fb11 + 12, true), 0.75F);
+    EXPECT_EQ(f32(goo, 0x2fb11 + 16, true), 0.25F);
+    EXPECT_EQ(f32(goo, 0x2fb11 + 20, true), 0.5F);
+    EXPECT_EQ(f32(goo, 0x2fb11 + 8, true), own ? 3 : 0.5F);
+  }
+}
+
+// A format that has no place for lifts says which are left behind.
+TEST_F(NewerPrintFiles, LiftsThatAreLeftBehindAreTold) {
+  const StackReader stack = reader(small_cxdlp4(0));
+  std::string told;
+  ExecutionContext context;
+  context.notice = [&](const std::string& line) { told += line + "\n"; };
+  write_stack(folder_ / "new.sl1", {stack.grid(), small_cxdlp4(0).slices}, stack.info(), context);
+  EXPECT_THAT(told, HasSubstr("lifts of the file that was read, 5 mm at "));
+  EXPECT_THAT(told, HasSubstr("the file names an SL1, which has 1440 x 2560"));
+}
+
 TEST_F(NewerPrintFiles, Cxdlp4sOwnSettingsCountWhereItsMarkIsSet) {
   const auto u32 = [](const Bytes& bytes, std::size_t at) {
     std::uint32_t v;

@@ -16,6 +16,7 @@
 namespace slicecorr {
 namespace {
 
+using detail::change_uvj_config;
 using detail::parse_uvj_config;
 using detail::write_uvj_config;
 using nlohmann::json;
@@ -145,8 +146,12 @@ TEST(StackSchedule, LayersSayTheirExposure) {
     EXPECT_EQ(config["Layers"][n]["Exposure"]["LightPWM"], 255);
   }
   const StackInfo back = parse_uvj_config(config.dump(), "x.uvj").info;
+  // The list is told as what it is: a first layer, and even steps down from it.
   EXPECT_EQ(back.exposure_s, 2);
-  EXPECT_EQ(back.layer_exposure_s, expected);
+  EXPECT_TRUE(back.layer_exposure_s.empty());
+  EXPECT_EQ(back.bottom_exposure_s, 14);
+  EXPECT_EQ(back.bottom_layers, 1);
+  EXPECT_EQ(back.fade_layers, 2);
 }
 
 TEST(StackSchedule, RampsChangeTimeAndLightOfTheSlicesInThem) {
@@ -210,6 +215,48 @@ TEST(StackSchedule, ForeignArchivesSayTimesInThreeWays) {
   for (int n = 0; n < 2; ++n) config["Layers"].push_back({{"Exposure", {{"LightOnTime", 0}}}});
   EXPECT_EQ(read(config).exposure_s, 0);
   EXPECT_TRUE(read(config).layer_exposure_s.empty());
+}
+
+// A list of another program's that says no light gets that of each layer once one of them is dimmed:
+// here lamps follow a stage that goes slower from slice 2 on.
+TEST(StackSchedule, ListsWithoutLightGetThatOfEachLayer) {
+  json config = foreign(4);
+  for (int n = 0; n < 4; ++n) config["Layers"].push_back({{"Exposure", {{"LightOnTime", 1}}}});
+  StackInfo info = corrected(test::process(300));
+  info.grid.layers = info.target_layers = 4;
+  info.process->slice_speed_mm_h = {300, 300, 200};
+  const json changed = json::parse(change_uvj_config(config.dump(), info, {7}, true, false));
+  for (int n = 0; n < 4; ++n) {
+    const json& exposure = changed["Layers"][n]["Exposure"];
+    ASSERT_TRUE(exposure.contains("LightPWM")) << n;
+    EXPECT_EQ(exposure["LightPWM"], n < 2 ? 255 : 170);
+    EXPECT_NEAR(exposure["LightOnTime"], 50e-3 / (n < 2 ? 300 : 200) * 3600, 1e-9);
+  }
+  // Of a list in which some say it, the others have that of the properties.
+  config["Properties"]["Exposure"]["LightPWM"] = 51;
+  config["Layers"][3]["Exposure"]["LightPWM"] = 204;
+  EXPECT_EQ(read(config).light_share, (std::vector<double>{0.2, 0.2, 0.2, 0.8}));
+}
+
+// First layers and even steps down from them are told from a list, whether its head counts them or not: so
+// that a new exposure leaves them.
+TEST(StackSchedule, ListsOfFirstLayersAreThose) {
+  json config = foreign(8);
+  config["Properties"]["Exposure"]["LightOnTime"] = 4;
+  for (const double t : {30.0, 30.0, 30.0, 30.0, 21.33, 12.67, 4.0, 4.0}) {
+    config["Layers"].push_back({{"Exposure", {{"LightOnTime", t}}}});
+  }
+  for (const bool said : {false, true}) {
+    if (said) config["Properties"]["Bottom"] = {{"LightOnTime", 30}, {"Count", 4}};
+    const StackInfo info = read(config);
+    EXPECT_TRUE(info.layer_exposure_s.empty());
+    EXPECT_EQ(info.bottom_exposure_s, 30);
+    EXPECT_EQ(info.bottom_layers, 4);
+    EXPECT_EQ(info.fade_layers, 2);
+  }
+  // Steps that are not even are the list's alone.
+  config["Layers"][4]["Exposure"]["LightOnTime"] = 25;
+  EXPECT_EQ(read(config).layer_exposure_s.size(), 8U);
 }
 
 TEST(StackSchedule, BadTimesAreNamed) {

@@ -251,7 +251,7 @@ SLICECORR_API slicecorr_status slicecorr_stack_set_number(slicecorr_stack* stack
  *  `target`; it may be freed afterwards. `side` says how doses are met that change too steeply
  *  along z: nearest, at-least or at-most; NULL: nearest. `doses` NULL: none are wanted. Counted by
  *  slicecorr_correct(), slicecorr_correct_in_memory() and, as "regions" of the figures' JSON, by
- *  slicecorr_verify(); for continuous exposure without UV light (docs/graded-dose.md). */
+ *  slicecorr_verify(); in both modes, and under UV light (docs/graded-dose.md). */
 SLICECORR_API slicecorr_status slicecorr_stack_set_doses(slicecorr_stack* target,
                                                          const slicecorr_stack* doses,
                                                          double greatest, const char* side);

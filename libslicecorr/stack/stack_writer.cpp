@@ -13,6 +13,7 @@
 #include "stack/block_check.hpp"
 #include "stack/coded_images.hpp"
 #include "stack/flat_field_entry.hpp"
+#include "stack/formats/format_times.hpp"
 #include "stack/formats/png_archive.hpp"
 #include "stack/formats/uvj_config.hpp"
 #include "stack/layer_encoding.hpp"
@@ -279,6 +280,7 @@ void StackWriter::Impl::write_archive(const StackInfo& its_info, const GreyImage
   if (uv) request.checksums.uv = detail::images_crc32(uv->grey_adlers);
   if (edges) request.checksums.edges = detail::images_crc32(edges->grey_adlers);
   const std::vector<std::string> names = format.write(request, *output);
+  if (!format.says_lifts()) detail::tell_lifts_left(request, format.name());
   for (const std::string& warning : warnings) context.tell(file.path + ": " + warning);
   add_images(names, slices);
   const auto add_more = [&](const Images& images, std::string (*name_of)(int)) {

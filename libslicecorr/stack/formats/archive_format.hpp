@@ -126,6 +126,9 @@ class ArchiveFormat {
   /// not written.
   virtual bool says_light() const { return false; }
   virtual bool says_heights() const { return false; }
+  /// Whether new archives say how the platform lifts as the archive did that the slices are of; elsewhere it
+  /// is told that this is left behind.
+  virtual bool says_lifts() const { return false; }
   /// Whether archives are changed of which layers have several exposures.
   virtual bool changes_exposures() const { return false; }
   /// Of formats that code layers themselves, the code of a new file.

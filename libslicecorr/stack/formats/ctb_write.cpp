@@ -261,7 +261,7 @@ void change_ctb(const ArchiveRequest& request, CtbFamily family, BinaryOutput& o
 void write_new_ctb(const ArchiveRequest& r, BinaryOutput& output) {
   const StackInfo& info = r.info;
   const Grid& grid = info.grid;
-  const ExposureSummary s = exposure_summary(info);
+  const ExposureSummary s = head_summary(info);
   const auto layers = static_cast<std::size_t>(grid.layers);
   const NewLift lift = new_lift(info);
   tell_new_lift(r, "CTB", lift);
@@ -279,10 +279,14 @@ void write_new_ctb(const ArchiveRequest& r, BinaryOutput& output) {
   const double total_mm = stack_height_um(info, grid.layers) * 1e-3;
   const bool own_heights = has_own_heights(info);
   const LightSteps light = light_steps(r, r.stem, s.bottom_layers);
-  if (s.uneven || light.uneven) tell_own_settings(r, "CTB");
+  const bool own = s.uneven || light.uneven || lift.differs_from_head(s.bottom_layers, false);
+  if (own) tell_own_settings(r, "CTB");
   std::vector<double> times_s = layer_times(info);
   double print_time_s = 0;
-  for (const double t : times_s) print_time_s += t + lift.dark_s();
+  for (std::size_t n = 0; n < layers; ++n) {
+    print_time_s += times_s[n] + lift.dark_s(static_cast<int>(n));
+  }
+  const LiftMotion &normal = lift.times.of(grid.layers - 1), &bottom = lift.times.of(0);
 
   head.set_u32(0, kCtb4Magic);
   head.set_u32(4, 4);
@@ -294,6 +298,7 @@ void write_new_ctb(const ArchiveRequest& r, BinaryOutput& output) {
   head.set_f32(0x20, grid.layer_um * 1e-3);
   head.set_f32(0x24, s.normal_s);
   head.set_f32(0x28, s.bottom_s);
+  head.set_f32(0x2c, normal.light_off_s);
   head.set_u32(0x30, static_cast<std::uint32_t>(s.bottom_layers));
   head.set_u32(0x34, static_cast<std::uint32_t>(grid.width_px));
   head.set_u32(0x38, static_cast<std::uint32_t>(grid.height_px));
@@ -321,24 +326,41 @@ void write_new_ctb(const ArchiveRequest& r, BinaryOutput& output) {
   preview_head(large_head, 400, 300, large_at, large.size());
   preview_head(small_head, 200, 125, small_at, small.size());
 
-  for (const std::size_t at : {0x00, 0x08}) {
-    print.set_f32(at, lift.mm);
-    print.set_f32(at + 4, lift.up_mm_min);
-  }
-  print.set_f32(0x10, lift.back_mm_min);
+  // Ways up are told as a whole, and the second stage beside them.
+  const auto set_up = [](BinaryBlock& block, std::size_t at, const LiftMotion& m) {
+    block.set_f32(at, m.up_mm + m.up_2_mm);
+    block.set_f32(at + 4, 60 * m.up_mm_s);
+  };
+  const auto set_pair = [](BinaryBlock& block, std::size_t at, double way_mm, double mm_s) {
+    block.set_f32(at, way_mm);
+    block.set_f32(at + 4, 60 * mm_s);
+  };
+  set_up(print, 0x00, bottom);
+  set_up(print, 0x08, normal);
+  print.set_f32(0x10, 60 * normal.back_mm_s);
+  print.set_f32(0x20, bottom.light_off_s);
+  print.set_f32(0x24, normal.light_off_s);
   print.set_f32(0x14, info.part_volume_mm3 * 1e-3);
   print.set_u32(0x28, static_cast<std::uint32_t>(s.bottom_layers));
 
   slicer.set_u32(0x1c, static_cast<std::uint32_t>(name_at));
   slicer.set_u32(0x20, static_cast<std::uint32_t>(machine.size()));
   slicer.set_u8(0x24, 0x0f);
-  slicer.set_u8(0x27, s.uneven || light.uneven ? 0x40 : 0);
+  slicer.set_u8(0x27, own ? 0x40 : 0);
   slicer.set_u32(0x2c, 8);
-  slicer.set_f32(0x34, lift.wait_s);
-  slicer.set_u32(0x3c, static_cast<std::uint32_t>(s.uneven ? 0 : s.fade_layers));
+  set_pair(slicer, 0x00, bottom.up_2_mm, bottom.up_2_mm_s);
+  set_pair(slicer, 0x08, normal.up_2_mm, normal.up_2_mm_s);
+  set_pair(slicer, 0x10, normal.back_2_mm, normal.back_2_mm_s);
+  for (const std::size_t at : {0x18, 0x38}) slicer.set_f32(at, normal.after_lift_s);
+  slicer.set_f32(0x34, normal.before_light_s);
+  slicer.set_u32(0x3c, static_cast<std::uint32_t>(s.fade_layers));
   slicer.set_u32(0x40, static_cast<std::uint32_t>(v4_at));
-  v4.set_f32(0, lift.back_mm_min);
-  v4.set_f32(0x18, lift.wait_s);
+  v4.set_f32(0, 60 * bottom.back_mm_s);
+  v4.set_f32(0x04, 60 * bottom.back_2_mm_s);
+  v4.set_f32(0x18, normal.before_light_s);
+  v4.set_f32(0x1c, normal.after_lift_s);
+  v4.set_f32(0x20, normal.before_lift_s);
+  v4.set_f32(0x24, bottom.back_2_mm);
   v4.set_f32(0x0c, 4);
   v4.set_f32(0x14, 4);
   v4.set_u32(0x34, static_cast<std::uint32_t>(layers - 1));
@@ -354,16 +376,21 @@ void write_new_ctb(const ArchiveRequest& r, BinaryOutput& output) {
                        : static_cast<double>(n + 1) * grid.layer_um;
     block.set_f32(0, z_um * 1e-3);
     block.set_f32(4, times_s[n]);
+    const LiftMotion& m = lift.times.of(static_cast<int>(n));
+    block.set_f32(8, m.light_off_s);
     block.set_u32(0x0c, static_cast<std::uint32_t>(offset));
     block.set_u32(0x10, static_cast<std::uint32_t>(bytes));
     block.set_u32(0x14, static_cast<std::uint32_t>(offset >> 32));
     block.set_u32(0x18, kCtbLayerHeadBytes);
     table.insert(table.end(), block.bytes().begin(), block.bytes().begin() + kCtbRecordBytes);
     block.set_u32(0x24, static_cast<std::uint32_t>(kCtbLayerHeadBytes + bytes));
-    block.set_f32(0x28, lift.mm);
-    block.set_f32(0x2c, lift.up_mm_min);
-    block.set_f32(0x38, lift.back_mm_min);
-    block.set_f32(0x4c, lift.wait_s);
+    set_up(block, 0x28, m);
+    set_pair(block, 0x30, m.up_2_mm, m.up_2_mm_s);
+    block.set_f32(0x38, 60 * m.back_mm_s);
+    set_pair(block, 0x3c, m.back_2_mm, m.back_2_mm_s);
+    block.set_f32(0x44, m.before_lift_s);
+    block.set_f32(0x48, m.after_lift_s);
+    block.set_f32(0x4c, m.before_light_s);
     block.set_f32(0x50, light.layers[n]);
     at = offset + bytes;
     heads.push_back(std::move(block));

@@ -101,6 +101,20 @@ ExposureSummary exposure_summary(const StackInfo& info) {
   return s;
 }
 
+ExposureSummary head_summary(const StackInfo& info) {
+  ExposureSummary s = exposure_summary(info);
+  const std::vector<double>& times_s = info.layer_exposure_s;
+  if (!s.uneven || times_s.empty() || !(times_s.front() > s.normal_s)) return s;
+  const auto layers = static_cast<int>(times_s.size());
+  const auto at = [&](int n) { return times_s[static_cast<std::size_t>(n)]; };
+  while (s.bottom_layers < layers && same_time(at(s.bottom_layers), at(0))) ++s.bottom_layers;
+  int end = s.bottom_layers;
+  while (end < layers && at(end) > s.normal_s && at(end) < at(end - 1)) ++end;
+  // Layers that never come down to the others do not fade.
+  if (end < layers && same_time(at(end), s.normal_s)) s.fade_layers = end - s.bottom_layers;
+  return s;
+}
+
 bool shares_differ(const StackInfo& a, const StackInfo& b) {
   const int layers = std::min(a.grid.layers, b.grid.layers);
   for (int n = 0; n < layers; ++n) {

@@ -99,7 +99,10 @@ std::string new_gcode(const ArchiveRequest& r) {
   const Grid& g = info.grid;
   const ExposureSummary s = exposure_summary(info);
   const NewLift lift = new_lift(info);
-  const double up_mm = lift.mm;
+  if (lift.from == NewLift::From::archive) tell_new_lift(r, "Chitubox", lift);
+  const OneStage usual = one_stage(lift.times.of(g.layers - 1)),
+                 bottom = one_stage(lift.times.of(0));
+  const double up_mm = std::max(usual.mm, bottom.mm);
   const auto or_else = [](const std::string& text, const std::string& other) {
     return text.empty() ? other : text;
   };
@@ -119,13 +122,14 @@ std::string new_gcode(const ArchiveRequest& r) {
     rounded = rounded || std::abs(light_ms - std::round(light_ms)) > 1e-6;
     body += fmt::format(";LAYER_START:{}\n;currPos:{}\nM6054 \"{}.png\";show Image\n", n, mm(z_mm),
                         n + 1);
-    if (up_mm > 0) body += fmt::format("G0 Z{} F{:g};\n", mm(z_mm + up_mm), lift.up_mm_min);
+    const OneStage move = one_stage(lift.times.of(n));
+    if (move.mm > 0) body += fmt::format("G0 Z{} F{:g};\n", mm(z_mm + move.mm), move.up_mm_min);
     body += fmt::format(
         "G0 Z{} F{:g};\nG4 P{:.0f};\nM106 S{};light on\nG4 P{:.0f};\nM106 S0; light "
         "off\n\n;LAYER_END\n\n",
-        mm(z_mm), lift.back_mm_min, lift.wait_s * 1e3, light.layers[static_cast<std::size_t>(n)],
+        mm(z_mm), move.back_mm_min, move.wait_s * 1e3, light.layers[static_cast<std::size_t>(n)],
         light_ms);
-    total_s += light_ms / 1e3 + lift.dark_s();
+    total_s += light_ms / 1e3 + move.dark_s();
   }
   body += fmt::format(";END_GCODE_BEGIN\nM106 S0;\nG1 Z{} F25;\nM18;\n\n;END_GCODE_END\n",
                       mm(build_mm));
@@ -151,20 +155,20 @@ std::string new_gcode(const ArchiveRequest& r) {
   add("normalExposureTime", number_text(s.normal_s));
   add("bottomLayExposureTime", number_text(s.bottom_s));
   add("bottomLayerExposureTime", number_text(s.bottom_s));
-  add("normalDropSpeed", number_text(lift.back_mm_min));
-  add("normalLayerLiftHeight", number_text(up_mm));
+  add("normalDropSpeed", number_text(usual.back_mm_min));
+  add("normalLayerLiftHeight", number_text(usual.mm));
   add("zSlowUpDistance", "0");
-  add("normalLayerLiftSpeed", number_text(lift.up_mm_min));
+  add("normalLayerLiftSpeed", number_text(usual.up_mm_min));
   add("bottomLayCount", std::to_string(s.bottom_layers));
   add("bottomLayerCount", std::to_string(s.bottom_layers));
   add("mirror", info.orientation.mirror_x ? "1" : "0");
   add("totalLayer", std::to_string(g.layers));
-  add("bottomLayerLiftHeight", number_text(up_mm));
-  add("bottomLayerLiftSpeed", number_text(lift.up_mm_min));
+  add("bottomLayerLiftHeight", number_text(bottom.mm));
+  add("bottomLayerLiftSpeed", number_text(bottom.up_mm_min));
   // The head has no rest: light stays off for all of it.
-  const std::string off_s = number_text(lift.wait_s > 0 ? lift.dark_s() : 0);
-  add("bottomLightOffTime", off_s);
-  add("lightOffTime", off_s);
+  const auto off_s = [](const OneStage& m) { return number_text(m.wait_s > 0 ? m.dark_s() : 0); };
+  add("bottomLightOffTime", off_s(bottom));
+  add("lightOffTime", off_s(usual));
   add("bottomPWMLight", std::to_string(light.bottom));
   add("PWMLight", std::to_string(light.usual));
   add("antiAliasLevel", "8");
@@ -178,6 +182,7 @@ class ChituboxZip final : public ArchiveFormat {
   std::vector<std::string_view> endings() const override { return {".zip"}; }
   bool says_light() const override { return true; }
   bool says_heights() const override { return true; }
+  bool says_lifts() const override { return true; }
   bool recognises(const Container& archive) const override {
     return archive.has(kGcodeEntry) && !archive.has(kCwsEntry) &&
            numbered_entries(archive, "run", ".png").empty();

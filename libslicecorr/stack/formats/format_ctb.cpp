@@ -275,6 +275,7 @@ class Ctb final : public ArchiveFormat {
   bool made_new() const override { return family_ == CtbFamily::ctb; }
   bool says_light() const override { return true; }
   bool says_heights() const override { return true; }
+  bool says_lifts() const override { return true; }
   bool changes_exposures() const override { return true; }
   LayerCodecPtr new_codec(const Grid& grid) const override {
     return made_new() ? ctb_code(grid.width_px, grid.height_px, 0) : nullptr;

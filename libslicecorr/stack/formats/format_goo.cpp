@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "slicecorr/error.hpp"
@@ -286,20 +287,34 @@ void change_goo(const ArchiveRequest& r, BinaryOutput& output) {
   changed.add_to(output);
 }
 
-void set_lifts(BinaryBlock& block, std::size_t at, const NewLift& lift, std::size_t lift_pairs) {
-  // Ways up come first, ways back after them; second stages have none.
-  for (std::size_t i = 0; i < lift_pairs; ++i) {
-    block.set_f32(at + i * kPairBytes, lift.mm);
-    block.set_f32(at + i * kPairBytes + 4, lift.up_mm_min);
-    block.set_f32(at + (lift_pairs + i) * kPairBytes, lift.mm);
-    block.set_f32(at + (lift_pairs + i) * kPairBytes + 4, lift.back_mm_min);
-  }
+/// Ways and speeds, each stage at its place: as `motion_at` reads them. First stages back have what second
+/// ones leave.
+void set_motion(BinaryBlock& block, const LiftMotion& m, const std::array<std::size_t, 4>& places) {
+  const auto [up, up_2, back, back_2] = places;
+  const auto set = [&](std::size_t at, double way_mm, double mm_s) {
+    block.set_f32(at, way_mm);
+    block.set_f32(at + 4, 60 * mm_s);
+  };
+  set(up, m.up_mm, m.up_mm_s);
+  set(up_2, m.up_2_mm, m.up_2_mm_s);
+  set(back, std::max(0.0, m.up_mm + m.up_2_mm - m.back_2_mm), m.back_mm_s);
+  set(back_2, m.back_2_mm, m.back_2_mm_s);
+}
+
+/// Light that stays off for longer than moves and rests take is a rest before light.
+void set_waits(BinaryBlock& block, std::size_t at, const LiftMotion& m) {
+  LiftMotion without = m;
+  without.light_off_s = 0;
+  const double more_s = dark_time(m, 0).all_s() - dark_time(without, 0).all_s();
+  block.set_f32(at, m.before_lift_s);
+  block.set_f32(at + 4, m.after_lift_s);
+  block.set_f32(at + 8, m.before_light_s + more_s);
 }
 
 void write_new(const ArchiveRequest& r, BinaryOutput& output) {
   const StackInfo& info = r.info;
   const Grid& grid = info.grid;
-  const ExposureSummary s = exposure_summary(info);
+  const ExposureSummary s = head_summary(info);
   const NewLift lift = new_lift(info);
   tell_new_lift(r, "GOO", lift);
   BinaryBlock head(kHeadBytes, ByteOrder::big);
@@ -325,7 +340,8 @@ void write_new(const ArchiveRequest& r, BinaryOutput& output) {
   head.set_u8(kMirrorY, info.orientation.mirror_y);
   const double total_mm = stack_height_um(info, grid.layers) * 1e-3;
   const LightSteps light = light_steps(r, r.stem, s.bottom_layers);
-  if (s.uneven || light.uneven) tell_own_settings(r, "GOO");
+  const bool own = s.uneven || light.uneven || lift.differs_from_head(s.bottom_layers, true);
+  if (own) tell_own_settings(r, "GOO");
   head.set_f32(kDisplay, grid.width_px * grid.pixel_x_um * 1e-3);
   head.set_f32(kDisplay + 4, grid.height_px * grid.pixel_y_um * 1e-3);
   head.set_f32(kDisplay + 8, info.printer && info.printer->travel_mm > 0 ? info.printer->travel_mm
@@ -335,21 +351,27 @@ void write_new(const ArchiveRequest& r, BinaryOutput& output) {
   head.set_u8(kMode, 1);
   head.set_f32(kBottomExposure, s.bottom_s);
   head.set_u32(kBottomLayers, static_cast<std::uint32_t>(s.bottom_layers));
-  set_lifts(head, kLifts, lift, 2);
-  // The rest before light, of bottom layers and of the others.
-  for (const std::size_t at : {kWaits + 8, kWaits + 20}) head.set_f32(at, lift.wait_s);
+  // Of bottom layers and of the others.
+  for (const std::size_t which : {0, 1}) {
+    const LiftMotion& m = lift.times.of(which == 0 ? 0 : grid.layers - 1);
+    const auto pair = [&](std::size_t i) { return kLifts + (2 * i + which) * kPairBytes; };
+    set_motion(head, m, {pair(0), pair(2), pair(1), pair(3)});
+    set_waits(head, kWaits + 12 * which, m);
+  }
   head.set_u16(kBottomLight, light.bottom);
   head.set_u16(kLight, light.usual);
-  head.set_u8(kLayerFlag, s.uneven || light.uneven);
+  head.set_u8(kLayerFlag, own);
   const std::vector<double> times_s = layer_times(info);
   double print_time_s = 0;
-  for (const double t : times_s) print_time_s += t + lift.dark_s();
+  for (std::size_t n = 0; n < times_s.size(); ++n) {
+    print_time_s += times_s[n] + lift.dark_s(static_cast<int>(n));
+  }
   head.set_u32(kPrintTime, u32_of(print_time_s));
   head.set_f32(kVolume, info.part_volume_mm3);
   head.set_bytes(kPrice + 4, "$");
   head.set_u32(kLayersAt, static_cast<std::uint32_t>(kHeadBytes));
   head.set_u8(kGreyRange, 1);
-  head.set_u16(kTransition, static_cast<std::uint32_t>(s.uneven ? 0 : s.fade_layers));
+  head.set_u16(kTransition, static_cast<std::uint32_t>(s.fade_layers));
   output.add_piece(head.bytes());
   const CodedLayers* const coded = r.layers;
   double z_um = 0;
@@ -360,12 +382,10 @@ void write_new(const ArchiveRequest& r, BinaryOutput& output) {
                        : static_cast<double>(n + 1) * grid.layer_um;
     layer.set_f32(kZ, z_um * 1e-3);
     layer.set_f32(kLayerExposure, times_s[n]);
-    // One stage up, then nothing of the second; the same back.
-    layer.set_f32(kLayerWaits + 8, lift.wait_s);
-    layer.set_f32(kLayerLift, lift.mm);
-    layer.set_f32(kLayerLift + 4, lift.up_mm_min);
-    layer.set_f32(kLayerLift + 2 * kPairBytes, lift.mm);
-    layer.set_f32(kLayerLift + 2 * kPairBytes + 4, lift.back_mm_min);
+    const LiftMotion& m = lift.times.of(static_cast<int>(n));
+    set_waits(layer, kLayerWaits, m);
+    const auto pair = [](std::size_t i) { return kLayerLift + i * kPairBytes; };
+    set_motion(layer, m, {pair(0), pair(1), pair(2), pair(3)});
     layer.set_u16(kLayerLight, light.layers[n]);
     layer.set_bytes(kLayerBreak, kBreak);
     layer.set_u32(kLayerBytes, static_cast<std::uint32_t>(coded->sizes[n]));
@@ -389,6 +409,7 @@ class Goo final : public ArchiveFormat {
   ContainerKind container() const override { return ContainerKind::binary; }
   bool says_light() const override { return true; }
   bool says_heights() const override { return true; }
+  bool says_lifts() const override { return true; }
   bool changes_exposures() const override { return true; }
   LayerCodecPtr new_codec(const Grid& grid) const override {
     return goo_code(grid.width_px, grid.height_px, false);

@@ -277,7 +277,7 @@ void make_new(const ArchiveRequest& r, bool packed, ContainerOutput& output) {
   const double height_mm = rounded(stack_height_um(info, g.layers) * 1e-3);
   const double half_x_mm = rounded(g.width_px * g.pixel_x_um * 0.5e-3);
   const double half_y_mm = rounded(g.height_px * g.pixel_y_um * 0.5e-3);
-  const double lift_mm = new_lift(info).mm;
+  const double lift_mm = one_stage(new_lift(info).times.normal).mm;
   const Json boundary{{"XMin", -half_x_mm}, {"XMax", half_x_mm}, {"YMin", -half_y_mm},
                       {"YMax", half_y_mm},  {"ZMin", 0},         {"ZMax", height_mm}};
   const auto add = [&](const char* entry, const Json& json) {

@@ -194,12 +194,15 @@ void make_new(const ArchiveRequest& r, ContainerOutput& output) {
   const double width_mm = std::round(x_px * x_um * 1e6) / 1e9;
   const double height_mm = std::round(y_px * y_um * 1e6) / 1e9;
   const std::string layer_mm = number_text(std::round(g.layer_um * 1e6) / 1e9);
-  std::string model = "SL1";
-  for (const Model& m : kModels) {
-    if (m.width_px == g.width_px && m.height_px == g.height_px) {
-      model = m.name;
-      break;
-    }
+  const auto its = std::find_if(std::begin(kModels), std::end(kModels), [&](const Model& m) {
+    return m.width_px == g.width_px && m.height_px == g.height_px;
+  });
+  const std::string model(its != std::end(kModels) ? its->name : "SL1");
+  if (its == std::end(kModels)) {
+    warn(r, fmt::format(
+                "no printer of this format has {} x {} pixels: the file names an SL1, which has "
+                "{} x {}",
+                g.width_px, g.height_px, kModels[0].width_px, kModels[0].height_px));
   }
   const std::string material =
       or_else(info.profiles.material, info.resin ? info.resin->name.c_str() : "slicecorr");

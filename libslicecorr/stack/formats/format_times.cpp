@@ -82,26 +82,36 @@ void take_layer_times(std::vector<double> times_s, StackInfo& info) {
   if (times_s.empty()) return;
   if (info.exposure_s == 0) info.exposure_s = times_s.back();
   const auto layers = static_cast<int>(times_s.size());
-  const int bottom = info.bottom_exposure_s > 0 ? std::min(info.bottom_layers, layers) : 0;
-  const auto fits = [&](int fade) {
+  const auto at = [&](int n) { return times_s[static_cast<std::size_t>(n)]; };
+  struct Pattern {
+    double bottom_s;
+    int bottom, fade;
+  };
+  const auto fits = [&](const Pattern& p) {
     for (int n = 0; n < layers; ++n) {
-      double expected_s = n < bottom ? info.bottom_exposure_s : info.exposure_s;
-      if (n >= bottom && n < bottom + fade) {
-        expected_s = info.bottom_exposure_s +
-                     (info.exposure_s - info.bottom_exposure_s) * (n - bottom + 1) / (fade + 1);
+      double expected_s = n < p.bottom ? p.bottom_s : info.exposure_s;
+      if (n >= p.bottom && n < p.bottom + p.fade) {
+        expected_s =
+            p.bottom_s + (info.exposure_s - p.bottom_s) * (n - p.bottom + 1) / (p.fade + 1);
       }
-      if (!same_time(times_s[static_cast<std::size_t>(n)], expected_s)) return false;
+      if (!same_time(at(n), expected_s)) return false;
     }
     return true;
   };
-  if (fits(info.fade_layers)) return;
-  int fade = 0;
-  while (bottom > 0 && bottom + fade < layers &&
-         !same_time(times_s[static_cast<std::size_t>(bottom + fade)], info.exposure_s)) {
-    ++fade;
-  }
-  if (fade > 0 && fits(fade)) {
-    info.fade_layers = fade;
+  const int said = info.bottom_exposure_s > 0 ? std::min(info.bottom_layers, layers) : 0;
+  if (fits({info.bottom_exposure_s, said, info.fade_layers})) return;
+  // As the head says of first layers, else as the list does: longer ones, and even steps down from them.
+  int longer = 0;
+  while (longer < layers && at(0) > info.exposure_s && same_time(at(longer), at(0))) ++longer;
+  for (Pattern p : {Pattern{info.bottom_exposure_s, said, 0}, Pattern{at(0), longer, 0}}) {
+    while (p.bottom > 0 && p.bottom + p.fade < layers &&
+           !same_time(at(p.bottom + p.fade), info.exposure_s)) {
+      ++p.fade;
+    }
+    if (p.bottom == 0 || p.bottom + p.fade >= layers || !fits(p)) continue;
+    info.bottom_exposure_s = p.bottom_s;
+    info.bottom_layers = p.bottom;
+    info.fade_layers = p.fade;
     return;
   }
   info.layer_exposure_s = std::move(times_s);
@@ -269,26 +279,126 @@ void warn(const ArchiveRequest& request, std::string text) {
   if (request.warnings != nullptr) request.warnings->push_back(std::move(text));
 }
 
+namespace {
+
+constexpr double kSecondsPerMinute = 60;
+
+/// A motion of which files say all.
+LiftMotion without_unsaid(LiftMotion m) {
+  m.tilt_s = m.acceleration_mm_s2 = 0;
+  return m;
+}
+
+bool same_waits(const LiftMotion& a, const LiftMotion& b) {
+  return a.before_lift_s == b.before_lift_s && a.after_lift_s == b.after_lift_s &&
+         a.before_light_s == b.before_light_s;
+}
+
+/// "7 mm at 70 mm/min, back at 150 mm/min, and 0.5 s of rest".
+std::string motion_in_words(const LiftMotion& m) {
+  const OneStage stage = one_stage(m);
+  std::string words = stage.mm > 0 || m.tilt_s == 0
+                          ? fmt::format("{:.4g} mm", stage.mm)
+                          : fmt::format("none but tilts of {:.4g} s", m.tilt_s);
+  if (stage.mm > 0) {
+    words +=
+        fmt::format(" at {:.4g} mm/min, back at {:.4g} mm/min", stage.up_mm_min, stage.back_mm_min);
+  }
+  const double rest_s = stage.wait_s - m.tilt_s;
+  return words + (rest_s > 1e-6 ? fmt::format(", and {:.4g} s of rest", rest_s) : "");
+}
+
+}  // namespace
+
+OneStage one_stage(const LiftMotion& motion) {
+  LiftMotion moves = motion;
+  moves.before_lift_s = moves.after_lift_s = moves.before_light_s = 0;
+  moves.light_off_s = moves.tilt_s = 0;
+  const DarkTime moving = dark_time(moves, 0);
+  OneStage stage;
+  stage.mm = motion.up_mm + motion.up_2_mm;
+  if (stage.mm > 0) {
+    // To what text says of them.
+    const auto rounded = [](double mm_min) { return std::round(mm_min * 1e6) / 1e6; };
+    stage.up_mm_min = rounded(kSecondsPerMinute * stage.mm / moving.lift_s);
+    stage.back_mm_min = rounded(kSecondsPerMinute * stage.mm / moving.return_s);
+  }
+  stage.wait_s = std::max(0.0, dark_time(motion, 0).all_s() - moving.all_s());
+  return stage;
+}
+
+bool NewLift::differs_from_head(int bottom_layers, bool waits) const {
+  if (!times.layers.empty()) return true;
+  if (times.bottom_layers != bottom_layers && (times.bottom_layers > 0 || bottom_layers > 0) &&
+      !(times.bottom == times.normal)) {
+    return true;
+  }
+  return bottom_layers > 0 && !waits && !same_waits(times.bottom, times.normal);
+}
+
 NewLift new_lift(const StackInfo& info) {
   NewLift lift;
+  lift.times.normal.up_mm_s = kLiftMmMin / kSecondsPerMinute;
+  lift.times.normal.back_mm_s = kDropMmMin / kSecondsPerMinute;
+  lift.times.bottom = lift.times.normal;
   if (!lifts(info)) return lift;
-  lift.mm = kLiftMm;
-  if (!info.printer || !info.printer->lift_motion || info.printer->lift_motion->up_mm == 0)
-    return lift;
-  const LiftMotion& m = *info.printer->lift_motion;
-  constexpr double s_per_min = 60;
-  return {m.up_mm, m.up_mm_s * s_per_min, m.back_mm_s * s_per_min, m.before_light_s, true};
+  if (info.lift_times && info.lift_times->by_archive) {
+    lift.from = NewLift::From::archive;
+    lift.times = *info.lift_times;
+  } else if (info.printer && info.printer->lift_motion && info.printer->lift_motion->up_mm > 0) {
+    lift.from = NewLift::From::printer;
+    lift.times.normal = *info.printer->lift_motion;
+  } else {
+    lift.times.normal.up_mm = kLiftMm;
+  }
+  LiftTimes& times = lift.times;
+  if (times.bottom_layers == 0) times.bottom = times.normal;
+  for (LiftMotion* const m : {&times.normal, &times.bottom}) *m = without_unsaid(*m);
+  for (LiftMotion& m : times.layers) m = without_unsaid(m);
+  return lift;
 }
 
 void tell_new_lift(const ArchiveRequest& request, std::string_view format, const NewLift& lift) {
+  const int layers = request.info.grid.layers;
+  const LiftMotion &last = lift.times.of(std::max(0, layers - 1)), &first = lift.times.of(0);
+  const char* const from = lift.from == NewLift::From::archive ? ", as the file that was read does"
+                           : lift.from == NewLift::From::printer
+                               ? ", as the printer file does"
+                               : ": set what the printer needs, or give a file of the "
+                                 "printer's slicer as a template";
+  warn(request,
+       fmt::format(
+           "a new {} file says lifts of {}{}{}", format, motion_in_words(last),
+           first == last ? "" : fmt::format(" (the first layer: {})", motion_in_words(first)),
+           from));
+  const bool height_known = request.info.printer && request.info.printer->travel_mm > 0;
+  if (lift.from == NewLift::From::archive && !height_known) {
+    warn(
+        request,
+        fmt::format("the new {} file says a machine as high as the part: the height of the machine "
+                    "is not known",
+                    format));
+  }
+  const std::optional<LiftTimes>& read = request.info.lift_times;
+  if (lift.from == NewLift::From::archive && read->normal.tilt_s > 0) {
+    warn(request,
+         fmt::format("{} files say nothing of vats that tilt: {:g} s of it are left behind", format,
+                     read->normal.tilt_s));
+  }
+}
+
+void tell_lifts_left(const ArchiveRequest& request, std::string_view format) {
+  const StackInfo& info = request.info;
+  if (request.kept != nullptr || !lifts(info) || !info.lift_times || !info.lift_times->by_archive) {
+    return;
+  }
+  const LiftMotion& usual = info.lift_times->of(std::max(0, info.grid.layers - 1));
   warn(
       request,
-      fmt::format("a new {} file says lifts of {:g} mm at {:g} mm/min, back at {:g} mm/min{}",
-                  format, lift.mm, lift.up_mm_min, lift.back_mm_min,
-                  lift.of_printer
-                      ? fmt::format(", and {:g} s of rest, as the printer file does", lift.wait_s)
-                      : ": set what the printer needs, or give a file of the printer's slicer as a "
-                        "template"));
+      fmt::format(
+          "lifts of the file that was read, {}, are left behind: new {} archives don't say them, and "
+          "printers go by what they say or know",
+          motion_in_words(usual), format));
 }
 
 bool lifts(const StackInfo& info) {

@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "slicecorr/lift_times.hpp"
 #include "stack/formats/archive_format.hpp"
 #include "stack/formats/binary_block.hpp"
 
@@ -111,15 +112,29 @@ bool lifts(const StackInfo& info);
 /// Lifts that new files say, until somebody sets what the printer needs, mm and mm/min: slow enough for any, as
 /// Chitubox proposes them.
 inline constexpr double kLiftMm = 5, kLiftMmMin = 60, kDropMmMin = 150;
-/// What a new file says of lifts: as the printer file does, else the above; nothing where none are.
-struct NewLift {
+/// A motion as one stage up, one back and one rest, with the speeds that take as long.
+struct OneStage {
   double mm = 0, up_mm_min = kLiftMmMin, back_mm_min = kDropMmMin, wait_s = 0;
-  bool of_printer = false;
-  /// Of a layer besides its light, as these files' programs reckon it.
   double dark_s() const { return 60 * mm * (1 / up_mm_min + 1 / back_mm_min) + wait_s; }
+};
+OneStage one_stage(const LiftMotion& motion);
+/// What a new file says of lifts: as the archive does that the slices are of, else as the printer file does,
+/// else the above; nothing where none are.
+struct NewLift {
+  enum class From { proposed, printer, archive };
+  From from = From::proposed;
+  /// Of each layer: without tilts and accelerations, which files don't say.
+  LiftTimes times;
+  /// Of a layer besides its light, as these files' programs reckon it.
+  double dark_s(int layer) const { return dark_time(times.of(layer), 0).all_s(); }
+  /// Whether a file whose head says one motion of the first `bottom_layers`, with the waits of all others,
+  /// and one of the others must list those of layers. `waits`: the head has waits of bottom layers, too.
+  bool differs_from_head(int bottom_layers, bool waits) const;
 };
 NewLift new_lift(const StackInfo& info);
 /// Tells it. `format`: "GOO".
 void tell_new_lift(const ArchiveRequest& request, std::string_view format, const NewLift& lift);
+/// Tells which lifts of the archive that was read a new one of another format does not say.
+void tell_lifts_left(const ArchiveRequest& request, std::string_view format);
 
 }  // namespace slicecorr::detail

@@ -57,6 +57,7 @@ class Uvj final : public ArchiveFormat {
 
   bool says_light() const override { return true; }
   bool says_heights() const override { return true; }
+  bool says_lifts() const override { return true; }
 
   bool recognises(const Container& archive) const override {
     // Others have a config.json, too; where half of it is missing the ending tells.

@@ -323,7 +323,7 @@ class Vdt final : public ArchiveFormat {
       if (change.changed()) output.add_text(kVdtManifest, change.text());
       return continued_names(r, ".png");
     }
-    if (lifts(r.info)) {
+    if (lifts(r.info) && !(r.info.lift_times && r.info.lift_times->by_archive)) {
       warn(r,
            "the stack says nothing of lifts between layers: whoever opens the archive takes its "
            "own");

@@ -281,10 +281,15 @@ std::string change_uvj_config(const std::string& original, const StackInfo& info
       layers.push_back(n > 0 ? layers[n - 1] : OrderedJson{{"Exposure", exposure_json(0)}});
       layers[n]["Z"] = mm_of_um(stack_height_um(info, static_cast<int>(n) + 1));
     }
+    // A list that says the light of some layers alone says none.
+    bool dims = light_changes;
+    for (std::size_t n = 0; n < count; ++n) {
+      dims = dims || light_of_layer(info, static_cast<int>(n)).share != 1;
+    }
     for (std::size_t n = exposure_changes || light_changes ? 0 : before; n < count; ++n) {
       const SliceLight light = light_of_layer(info, static_cast<int>(n));
       layers[n]["Exposure"]["LightOnTime"] = light.time_s;
-      if (light.share != 1 || light_changes) layers[n]["Exposure"]["LightPWM"] = pwm_of(light);
+      if (dims) layers[n]["Exposure"]["LightPWM"] = pwm_of(light);
     }
   }
   json.erase("slicecorr");

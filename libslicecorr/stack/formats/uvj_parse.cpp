@@ -30,7 +30,7 @@ using SortedNode = JsonNode<SortedJson>;
 /// What the layers that say it say of light-on times, light and places, in order.
 struct LayerTimes {
   std::vector<double> time_s;
-  std::vector<double> light, z_mm;  ///< light of 255; fewer than layers where some say none
+  std::vector<double> light, z_mm;  ///< light of 255, -1 where a layer says none
   std::size_t layers = 0;           ///< seen so far
   bool all = true;                  ///< every layer says one
 };
@@ -41,6 +41,7 @@ constexpr double kFullPwm = 255;
 void read_layer(const SortedJson& layer, const JsonSource& place, LayerTimes& times) {
   const SortedNode node(layer, "Layers[" + std::to_string(times.layers++) + "]", place);
   if (node.has("Z")) times.z_mm.push_back(node["Z"].number(0, 1e6));
+  times.light.push_back(-1);
   // A layer may have no exposure; it gets one when times are changed.
   if (!node.has("Exposure") || node["Exposure"].json().is_null() ||
       !node["Exposure"].has("LightOnTime")) {
@@ -49,7 +50,7 @@ void read_layer(const SortedJson& layer, const JsonSource& place, LayerTimes& ti
   }
   times.time_s.push_back(node["Exposure"]["LightOnTime"].number(0, 1e9));
   if (node["Exposure"].has("LightPWM")) {
-    times.light.push_back(node["Exposure"]["LightPWM"].number(0, kFullPwm));
+    times.light.back() = node["Exposure"]["LightPWM"].number(0, kFullPwm);
   }
 }
 
@@ -343,16 +344,18 @@ void take_uvj_light(const LayerTimes& times, const SortedNode& properties, const
                     StackInfo& info, std::vector<std::string>& warnings) {
   const auto layers = static_cast<std::size_t>(info.grid.layers);
   std::vector<double> light = times.light;
-  if (light.size() != layers) {
+  light.resize(layers, -1);
+  // Layers that say none have that of the properties.
+  if (std::any_of(light.begin(), light.end(), [](double l) { return l < 0; })) {
     const auto said = [&](const char* part, double otherwise) {
       if (!properties.has(part) || !properties[part].json().is_object()) return otherwise;
       const SortedNode node = properties[part];
       return node.has("LightPWM") ? node["LightPWM"].number(0, kFullPwm) : otherwise;
     };
-    const double usual = said("Exposure", kFullPwm);
-    light.assign(layers, usual);
-    std::fill_n(light.begin(), std::min(info.bottom_layers, info.grid.layers),
-                said("Bottom", usual));
+    const double usual = said("Exposure", kFullPwm), bottom = said("Bottom", usual);
+    for (std::size_t n = 0; n < layers; ++n) {
+      if (light[n] < 0) light[n] = static_cast<int>(n) < info.bottom_layers ? bottom : usual;
+    }
   }
   if (info.kind == StackKind::corrected || info.kind == StackKind::recorded) {
     // The process counts; what the archive says is only held against it.
@@ -373,7 +376,7 @@ void take_layer_times(LayerTimes times, StackInfo& info) {
   if (*greatest == 0) return;
   if (info.exposure_s == 0) info.exposure_s = times.time_s.back();
   if (*least == info.exposure_s && *greatest == info.exposure_s) return;
-  info.layer_exposure_s = std::move(times.time_s);
+  detail::take_layer_times(std::move(times.time_s), info);
 }
 
 }  // namespace

@@ -57,6 +57,20 @@ TEST(RunLength, RoundTripsRunsOfAllLengths) {
       rebuilt[v.at] = v.value;
     }
     ASSERT_EQ(rebuilt, data);
+
+    const std::size_t one = random() % (data.size() + 1), other = random() % (data.size() + 1);
+    std::vector<detail::NonZero> some;
+    ASSERT_EQ(detail::run_length_nonzero(code.data() + 1, end, data.size(),
+                                         {std::min(one, other), std::max(one, other)}, some),
+              end);
+    std::size_t told = 0;
+    for (const detail::NonZero& v : nonzero) {
+      if (v.at < std::min(one, other) || v.at >= std::max(one, other)) continue;
+      ASSERT_LT(told, some.size());
+      ASSERT_EQ(some[told].at, v.at);
+      ASSERT_EQ(some[told++].value, v.value);
+    }
+    ASSERT_EQ(told, some.size());
   }
 }
 

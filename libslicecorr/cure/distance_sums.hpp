@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The slicecorr authors
 // SPDX-License-Identifier: Apache-2.0
 
-/// What slices give the nodes above them where light of each distance spreads by a kernel of its own:
-/// in a resin that scatters, where its exponent m is not 1 or its bath ends.
+/// What slices give the nodes above them where light of each distance spreads by a kernel of its own: in a
+/// resin that scatters, of any exponent m, and in a bath that ends.
 ///
 /// Light I of slice n is spread before it counts, so that a slice at a distance of j gives node n - j
 ///

@@ -139,7 +139,7 @@ struct DistanceBlur {
   LightBlur blur{};
 };
 
-/// The kernel by depth of a resin that scatters, where doses do not follow from slice to slice: light
+/// The kernel by depth of a resin that scatters, right also where light begins and ends, and for any m: light
 /// that has come through d um is G0 and a Gaussian of kappa d, integrated over pixels, and what the
 /// slices of a distance give is that of their depths, weighted as light fades. Distances share a kernel where
 /// that changes doses by 2e-3 at the most. The first is

@@ -54,10 +54,9 @@ class SpreadLight {
   /// columns: of the display.
   PixelBox around(const PixelBox& box) const { return grown(box, reach_x(), reach_y()); }
   const LightBlur& blur() const { return blur_; }
-  /// None where `distances` says how light scatters.
+  /// None: `distances` says how light scatters.
   const SliceScatter& scatter() const { return scatter_; }
-  /// How the light of each distance spreads where it scatters and doses do not follow from slice to slice,
-  /// as m is not 1 or the bath ends; else empty. `blur` is then that of the first.
+  /// How the light of each distance spreads where it scatters; else empty. `blur` is that of the first.
   const std::vector<DistanceBlur>& distances() const { return distances_; }
   /// All pixels; beyond them it is dark.
   const PixelBox& display() const { return display_; }

@@ -23,6 +23,7 @@ import sys
 import tempfile
 import threading
 import time
+import urllib.error
 import urllib.request
 
 import kills_parts
@@ -274,7 +275,153 @@ def server_stopped(case):
     server.wait()
 
 
-CASES = {f.__name__: f for f in (farm_jumps, bridge_jumps, watch_jumps, bridge_stopped, service_stopped, server_stopped)}
+def machines_jumps(case):
+    """A printer on the network is sent a file, started once, and followed to its end."""
+    with kills_parts.octoprint(case.programs, "--trap", "layers=150") as (_, asked):
+        kills_parts.sl1(case.path("part.sl1"), 40)
+        more = case.jumping()
+        watch = case.programs.start("slicefarm", "machines", "watch", "--interval-s", "0.5", "--dir", "farm", more=more,
+                                    stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+        for words in (["send", "part.sl1", "octo"], ["start", "octo", "--plate-is-empty", "--vat-is-filled"]):
+            done = case.programs.run("slicefarm", "machines", *words, "--dir", "farm", more=more)
+            if done.returncode != 0:
+                case.tell(f"{words[0]} ends with {done.returncode}: {done.stderr.strip()[-300:]}")
+        until, state = time.monotonic() + 30, None
+        while state != "finished" and time.monotonic() < until:
+            listed = case.programs.run("slicefarm", "machines", "list", "--json", "-", "--dir", "farm", more=more)
+            state = json.loads(listed.stdout)[0]["state"] if listed.returncode == 0 else listed.stderr
+            time.sleep(0.1)
+        if state != "finished":
+            case.tell(f"the machine is {state}")
+        time.sleep(1.5)
+        watch.terminate()
+        said = watch.communicate()[0].decode()
+        begun = [e for e in asked("log")["log"] if e["what"] == "begun"]
+    if len(begun) != 1:
+        case.tell(f"begun {len(begun)} times")
+    if "finished" not in said:
+        case.tell(f"who watches was not told of the end: {said[-300:]}")
+    case.told = {"jumps": case.jumped}
+
+
+def server_jumps(case):
+    """What is asked is answered, a part that was uploaded is queued, and what it can't know any more it says."""
+    token = "0123456789abcdef" * 2
+    with open(os.open(case.path("token"), os.O_CREAT | os.O_WRONLY, 0o600), "w") as file:
+        file.write(token + "\n")
+    case.queue(1)
+    server = case.programs.start("slicefarm", "serve", "--dir", "farm", "--listen", "127.0.0.1:0", "--token-file", case.path("token"),
+                                 more=case.jumping(), stdout=subprocess.PIPE)
+    address = server.stdout.readline().decode().strip().rstrip("/")
+
+    def ask(path, method="GET", body=None):
+        request = urllib.request.Request(address + path, body, {"Authorization": "Bearer " + token, "Content-Type": "application/json"}, method=method)
+        try:
+            with urllib.request.urlopen(request, timeout=20) as answer:
+                return answer.status, answer.read()
+        except urllib.error.HTTPError as error:
+            return error.code, error.read()
+    with open(case.path("part.stl"), "rb") as file:
+        mesh = file.read()
+    answers, queued, gone = 0, 0, 0
+    for n in range(case.options.jobs):
+        for view in ("/api/v1/overview", "/metrics", "/api/v1/events", "/api/v1/jobs?state=queued&order=urgency", "/report"):
+            status, body = ask(view)
+            answers += 1
+            if status != 200:
+                case.tell(f"{view}: {status} {body[:200]}")
+        status, body = ask("/api/v1/parts/part.stl", "PUT", mesh)
+        if status != 201:
+            case.tell(f"upload: {status} {body[:200]}")
+            continue
+        time.sleep(0.2)
+        # What has waited for too long goes when another comes.
+        ask("/api/v1/parts/other.stl", "PUT", mesh)
+        job = {"parts": [json.loads(body)["part"]], "name": f"up{n}", "printer": "small", "resin": "figure-2-2", "ha_um": 110, "layer_um": 50,
+               "speed_mm_h": 800}
+        status, body = ask("/api/v1/jobs", "POST", json.dumps({"jobs": [job]}).encode())
+        queued += status in (200, 201)
+        gone += status == 400 and b"upload" in body
+        if status not in (200, 201):
+            case.told.setdefault("refused", body.decode()[:200])
+    case.told |= {"jumps": case.jumped, "answers": answers, "queued": queued, "uploads that a jump made old": gone}
+    if queued + gone != case.options.jobs:
+        case.tell(f"{case.options.jobs} parts: {queued} queued, {gone} gone")
+    server.terminate()
+    if server.wait(20) not in (0, 130):
+        case.tell(f"ends with {server.returncode}")
+
+
+def machine_stopped(case):
+    """The machine's controller hangs: the bridge ends the print by itself, says why, and no second print begins."""
+    words = case.machine(12)
+    bridge = case.programs.start(*words, stderr=subprocess.PIPE)
+    if not case.wait_for("frame 3"):
+        case.tell("no frame 3")
+    os.kill(case.sim.pid, signal.SIGSTOP)
+    begin = time.monotonic()
+    try:
+        _, said = bridge.communicate(timeout=60)
+    except subprocess.TimeoutExpired:
+        bridge.kill()
+        _, said = bridge.communicate()
+        case.tell("no end 60 s after the machine was stopped")
+    ended_s = time.monotonic() - begin
+    if bridge.returncode != 4 or b"NOT CONFIRMED" not in said:
+        case.tell(f"ends with {bridge.returncode}: {said.decode()[-300:]}")
+    again = case.programs.run(*words)
+    if again.returncode != 4:
+        case.tell(f"a print after it ends with {again.returncode}: {again.stderr[-300:]}")
+    time.sleep(max(0, case.options.stop_s - (time.monotonic() - begin)))
+    os.kill(case.sim.pid, signal.SIGCONT)
+    time.sleep(1)
+    if lit(case.seen()):
+        case.tell(f"lamps on a second after the machine went on: {lit(case.seen())}")
+    case.told = {"stopped_s": case.options.stop_s, "code": bridge.returncode, "ended_s": round(ended_s, 2),
+                 "says": [line for line in said.decode().splitlines() if line.strip()][-4:]}
+    case.end_sim()
+
+
+def page_stopped(case):
+    """The page of a bridge, stopped while somebody looks at it: the print does not mind, the page comes again."""
+    words = case.machine(36)
+    page = case.programs.start("printbridge", "serve", "--printer", case.path("fast.toml"), "--dir", "state", "--listen", "127.0.0.1:0",
+                               stdout=subprocess.PIPE)
+    address = page.stdout.readline().decode().strip().rstrip("/")
+    bridge = case.programs.start(*words)
+    case.wait_for("frame 3")
+    os.kill(page.pid, signal.SIGSTOP)
+    answers = []
+
+    def ask(path):
+        try:
+            with urllib.request.urlopen(address + path, timeout=case.options.stop_s + 20) as answer:
+                answers.append(answer.status)
+        except OSError as error:
+            answers.append(str(error))
+    threads = [threading.Thread(target=ask, args=(p,)) for p in ("/", "/metrics")]
+    for t in threads:
+        t.start()
+    if bridge.wait(60) != 0:
+        case.tell(f"the print ends with {bridge.returncode}")
+    late = [r["frame"] for r in case.frames() if r["late"] != "0"]
+    if late:
+        case.tell(f"late frames: {late}")
+    time.sleep(case.options.stop_s)
+    os.kill(page.pid, signal.SIGCONT)
+    for t in threads:
+        t.join()
+    ask("/")
+    if answers[-1] != 200 or page.poll() is not None:
+        case.tell(f"after it went on: {answers}, {page.poll()}")
+    case.told = {"stopped_s": case.options.stop_s, "answers": answers}
+    page.terminate()
+    page.wait()
+    case.end_sim()
+
+
+CASES = {f.__name__: f for f in (farm_jumps, bridge_jumps, watch_jumps, machines_jumps, server_jumps, bridge_stopped, machine_stopped,
+                                 page_stopped, service_stopped, server_stopped)}
 
 
 def main():

@@ -7,8 +7,9 @@
 ///
 /// With POWER_SAVE, a folder, its file "log" gets lines with whole paths and tabs between, and the folder what files held
 /// at these moments, as copies with numbers for names: "sync PATH COPY", "name FROM TO COPY" ("-" for a folder),
-/// "folder PATH" (its names are on the disk), "all" (syncfs: everything is), "gone PATH", "write PATH"; of a database and
-/// its write-ahead log each is saved when the other is synced ("with PATH COPY"). power_cut.py judges them.
+/// "made PATH" (a folder), "folder PATH" (its names are on the disk), "all" (syncfs: everything is), "gone PATH",
+/// "write PATH"; of a database and its write-ahead log each is saved when the other is synced ("with PATH COPY").
+/// power_cut.py judges them.
 #include <dlfcn.h>
 #include <fcntl.h>
 #include <stdio.h>
@@ -171,6 +172,12 @@ int told_unlink(const char* path) noexcept __asm__("unlink");
 int told_unlink(const char* path) noexcept {
   const int result = real<int(const char*)>("unlink")(path);
   if (result == 0 && save_folder()) save_line("gone\t" + whole_path(path) + "\n");
+  return result;
+}
+int told_mkdir(const char* path, mode_t mode) noexcept __asm__("mkdir");
+int told_mkdir(const char* path, mode_t mode) noexcept {
+  const int result = real<int(const char*, mode_t)>("mkdir")(path, mode);
+  if (result == 0 && save_folder()) save_line("made\t" + whole_path(path) + "\n");
   return result;
 }
 int link(const char* from, const char* to) noexcept {

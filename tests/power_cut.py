@@ -7,7 +7,7 @@
 
 Programs run with the library loaded before them, which writes down writes, waits for the disk, and names in
 their order, with what files held then. The worst disk keeps nothing of a file but what was waited for, while
-names come at once; and it loses names whose folder was not waited for. Under this disk
+names come at once; and it loses names whose folder was not waited for, folders that were made among them. Under this disk
 
 - a name that counts leads to the old file or the new one, whole, at every point;
 - what a program that ended well has named is there;
@@ -19,6 +19,7 @@ A line of JSON per case on stdout; exit code 0: all held.
 """
 
 import argparse
+import http.client
 import json
 import os
 import shutil
@@ -56,6 +57,7 @@ class Disk:
         self.now = {}        # path -> bytes of a database or its log, whatever was waited for
         self.written = set() # since they were waited for
         self.unsaid = {}     # folder -> names in it that may be lost
+        self.made = set()    # folders whose own names may be lost
         self.named, self.wrong, self.points, self.states = set(), [], 0, 0
         self.jobs = {}       # of the database, the last state seen
         self.before = set()  # there before the run
@@ -79,9 +81,13 @@ class Disk:
         elif what == "all":
             self.written.clear()
             self.unsaid.clear()
+            self.made.clear()
             self.synced_all = True
         elif what == "folder":
             self.unsaid.pop(more[0], None)
+            self.made = {p for p in self.made if os.path.dirname(p) != more[0]}
+        elif what == "made":
+            self.made.add(more[0])
         elif what == "sync":
             self.written.discard(more[0])
             if more[1] != "-":
@@ -97,6 +103,7 @@ class Disk:
             self.rename(*more)
 
     def rename(self, from_, to, copy):
+        self.made.discard(from_)
         if copy == "-":
             moved = [p for p in [*self.kept, *self.written] if p.startswith(from_ + "/")]
             if counts(to) and self.below(from_):
@@ -179,6 +186,11 @@ class Disk:
         for names in self.unsaid.values():
             for name in names:
                 self.fail(f"{name} may lose its name")
+        for name in self.named:
+            if counts(name) and os.path.exists(name):
+                for folder in self.made:
+                    if name.startswith(folder + "/"):
+                        self.fail(f"{name} is in {folder}, which may lose its name")
 
 
 class Case:
@@ -195,13 +207,21 @@ class Case:
     def path(self, name):
         return os.path.join(self.folder, name)
 
-    def judged(self, *words, code=0):
+    def judged(self, *words, code=0, beside=None):
+        """Runs a program to its end; with `beside`, a server, which is asked for something while it runs, and ended then."""
         before = {os.path.join(at, n) for at, folders, files in os.walk(self.folder) for n in files + folders}
         databases = {p: text_of(p) for p in before if DATABASE in p and os.path.isfile(p)}
         with open(os.path.join(self.copies, "log"), "w"):
             pass
-        done = self.programs.run(*words, more={"LD_PRELOAD": self.library, "POWER_SAVE": self.copies,
-                                               "ASAN_OPTIONS": "verify_asan_link_order=0"})
+        more = {"LD_PRELOAD": self.library, "POWER_SAVE": self.copies, "ASAN_OPTIONS": "verify_asan_link_order=0"}
+        if beside:
+            server = self.programs.start(*words, more=more, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+            beside(server.stdout.readline().decode().strip().split("//")[-1].rstrip("/"))
+            server.terminate()
+            _, said = server.communicate(timeout=20)
+            done = subprocess.CompletedProcess(words, 0 if server.returncode == 130 else server.returncode, "", said.decode())
+        else:
+            done = self.programs.run(*words, more=more)
         disk = Disk(self.folder, self.copies)
         disk.before, disk.jobs = before, self.jobs
         disk.kept.update(databases)
@@ -269,6 +289,41 @@ def farm(case):
     case.judged("slicefarm", "gc", "--dir", "farm")
 
 
+def served(case):
+    """Parts that the server has said to have, and jobs that it has said to have queued."""
+    token = "0123456789abcdef" * 2
+    with open(os.open(case.path("token"), os.O_CREAT | os.O_WRONLY, 0o600), "w") as file:
+        file.write(token + "\n")
+    box_stl(case.path("part.stl"), 1, 1.5, 0.5)
+
+    def ask(address):
+        def sent(method, path, body):
+            connection = http.client.HTTPConnection(address, timeout=20)
+            connection.request(method, path, body, {"Authorization": "Bearer " + token, "Content-Type": "application/json"})
+            answer = connection.getresponse()
+            text = answer.read()
+            if answer.status not in (200, 201):
+                case.wrong.append(f"{path}: {answer.status} {text[:200]}")
+            return json.loads(text)
+        for n in range(2):
+            part = sent("PUT", "/api/v1/parts/part.stl", text_of(case.path("part.stl")))["part"]
+            sent("POST", "/api/v1/jobs", json.dumps({"jobs": [{"parts": [part], "name": f"up{n}", "printer": "small", "resin": "figure-2-2",
+                                                               "ha_um": 110, "layer_um": 50, "speed_mm_h": 800}]}))
+        sent("PUT", "/api/v1/parts/waits.stl", text_of(case.path("part.stl")))
+    case.judged("slicefarm", "serve", "--dir", "farm", "--listen", "127.0.0.1:0", "--token-file", case.path("token"), beside=ask)
+    if len(case.jobs) != 2:
+        case.wrong.append(f"after the last wait for the disk the record has {len(case.jobs)} jobs")
+
+
+def machines(case):
+    """What is known of a printer on the network: what was sent, and what was started."""
+    with kills_parts.octoprint(case.programs):
+        kills_parts.sl1(case.path("part.sl1"), 8)
+        case.judged("slicefarm", "machines", "send", "part.sl1", "octo", "--dir", "farm")
+        case.judged("slicefarm", "machines", "start", "octo", "--plate-is-empty", "--vat-is-filled", "--dir", "farm")
+        case.judged("slicefarm", "machines", "stop", "octo", "--dir", "farm")
+
+
 def bridge(case):
     mesh, target, stack = kills_parts.fast_printer(case.path("fast.toml"), 3)
     printer = case.path("fast.toml")
@@ -290,7 +345,7 @@ def bridge(case):
             sim.wait()
 
 
-CASES = {f.__name__: f for f in (stacks, post, resins, farm, bridge)}
+CASES = {f.__name__: f for f in (stacks, post, resins, farm, served, machines, bridge)}
 
 
 def main():

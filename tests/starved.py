@@ -1,13 +1,13 @@
 #!/usr/bin/python3
 # SPDX-FileCopyrightText: 2026 The slicecorr authors
 # SPDX-License-Identifier: Apache-2.0
-"""Programs that may open few files (RLIMIT_NOFILE), from 8 up to as many as they need.
+"""Programs that may open few files (RLIMIT_NOFILE), from 3 (their streams) up to as many as they need.
 
     starved.py --bin build/bin [--step N] [--most N] [--json FILE] [CASE...]
 
 At each limit a program does its work, or says why not (the system's "Too many open files", by which its person
 finds the limit) and ends with 2 or 4; it never crashes, hangs, or calls itself defect; what has a final name is whole,
-and nothing temporary stays. Below 8 not even the system can load programs. A line of JSON per case on stdout; exit
+and nothing temporary stays. With 3 the system can't even load programs. A line of JSON per case on stdout; exit
 code 0: all held.
 """
 
@@ -20,6 +20,7 @@ import subprocess
 import sys
 import tempfile
 import time
+import urllib.request
 
 import kills_parts
 from cases import add_options, run_cases
@@ -70,7 +71,7 @@ class Case:
         self.programs.sound(*words)
         want = {o: sha256(self.path(o)) for o in outputs if os.path.isfile(self.path(o))}
         good = 0
-        for limit in range(8, most, step):
+        for limit in range(3, most, step):
             if reset:
                 reset()
             else:
@@ -135,7 +136,7 @@ def farm(case, step, most):
     box_stl(case.path("part.stl"), 1, 1.5, 0.5)
     words = ["slicefarm", "run", "--dir", "farm", "--until-empty", "--jobs", "1"]
     good = 0
-    for limit in range(8, most, 2 * step):
+    for limit in range(3, most, 2 * step):
         for name in ("farm", "out"):
             shutil.rmtree(case.path(name), ignore_errors=True)
         case.programs.sound("slicefarm", "submit", "part.stl", "--dir", "farm", "--layer-um", "50", *SPEED, *LIGHT, "--out", "out")
@@ -166,23 +167,21 @@ def farm(case, step, most):
             return
 
 
-def serve(case, step, most):
-    """The server: it starts and answers, or says why not."""
+def served(case, limits, words):
+    """A server: it starts and answers, or says why not."""
     good = 0
-    for limit in [*range(8, most, 2 * step), 256]:
+    for limit in limits:
         def few():
             resource.setrlimit(resource.RLIMIT_NOFILE, (limit, limit))
-        server = case.programs.start("slicefarm", "serve", "--dir", "farm", "--listen", "127.0.0.1:0", preexec_fn=few,
-                                     stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+        server = case.programs.start(*words, "--listen", "127.0.0.1:0", preexec_fn=few, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
         line = server.stdout.readline().decode().strip()
         if not line:
             code, said = server.wait(10), server.stderr.read().decode()
             case.judge(limit, subprocess.CompletedProcess([], code, "", said))
             continue
-        import urllib.request
         begin = time.monotonic()
         try:
-            with urllib.request.urlopen(line + "/api/v1/overview", timeout=10) as answer:
+            with urllib.request.urlopen(line.split()[-1].rstrip("/") + "/metrics", timeout=10) as answer:
                 answered = answer.status == 200
         except OSError as error:
             answered = False
@@ -201,22 +200,84 @@ def serve(case, step, most):
     case.tell(256, "was not enough")
 
 
-def bridge(case, step, most):
+def serve(case, step, most):
+    served(case, [*range(3, most, 2 * step), 256], ["slicefarm", "serve", "--dir", "farm"])
+
+
+def page(case, step, most):
+    kills_parts.fast_printer(case.path("fast.toml"), 2)
+    served(case, [*range(3, most, step), 256], ["printbridge", "serve", "--printer", "fast.toml", "--dir", "state"])
+
+
+def send(case, step, most):
+    """A file is sent to a printer on the network: it has the whole file or none of this name."""
+    with kills_parts.octoprint(case.programs) as (_, asked):
+        kills_parts.sl1(case.path("part.sl1"), 4)
+        want, good = sha256(case.path("part.sl1")), 0
+        for limit in range(3, most, step):
+            done = case.judge(limit, case.limited(limit, ["slicefarm", "machines", "send", "part.sl1", "octo", "--dir", "farm"]))
+            there = asked("log")["files"]
+            if any(sha != want for sha in there.values()) or (done and not there):
+                case.tell(limit, f"on the machine: {there}")
+            left = hidden(case.path("farm"))
+            if left:
+                case.tell(limit, f"left {left}")
+            if done:
+                case.enough = case.enough or limit
+                good += 1
+            if good >= 3:
+                return
+    case.tell(most, "was never enough")
+
+
+def bridge_words(case):
+    """What prints a small stack, but for the machine's address."""
     mesh, target, stack = kills_parts.fast_printer(case.path("fast.toml"), 2)
     printer = case.path("fast.toml")
     case.programs.sound("slicecorr", "slice", mesh, "-o", target, "--printer", printer, "--layer-um", "50", "--antialias", "off")
     case.programs.sound("slicecorr", "correct", target, "-o", stack, "--printer", printer, "--resin", "figure-2-2", "--ha-um", "110", *SPEED)
+    return ["printbridge", "print", stack, "--printer", printer, "--dir", "state", "--sink", "null", "--lockstep", "--modbus"]
+
+
+def machine(case, step, most):
+    """printer-sim itself: it starts and is printed on, or says why not; a bridge that it does not answer says so."""
+    words, good = bridge_words(case), 0
+    for limit in range(3, most, step):
+        def few():
+            resource.setrlimit(resource.RLIMIT_NOFILE, (limit, limit))
+        sim = case.programs.start("printer-sim", "--printer", case.path("fast.toml"), "--listen", "127.0.0.1:0", "--quiet", "--lockstep",
+                                  preexec_fn=few, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+        line = sim.stdout.readline()
+        if not line:
+            case.judge(limit, subprocess.CompletedProcess([], sim.wait(10), "", sim.stderr.read().decode()))
+            continue
+        modbus = json.loads(line)["modbus"]
+        shutil.rmtree(case.path("state"), ignore_errors=True)
+        done = case.programs.run(*words, modbus if modbus.startswith("tcp:") else "tcp:" + modbus)
+        if done.returncode not in (0, 2, 4):
+            case.tell(limit, f"the bridge ends with {done.returncode}: {done.stderr[-300:]}")
+        if sim.poll() is not None:
+            case.tell(limit, f"ended with {sim.returncode}: {sim.stderr.read().decode()[-300:]}")
+        sim.terminate()
+        sim.wait()
+        if done.returncode == 0:
+            case.enough = case.enough or limit
+            good += 1
+        else:
+            case.said += 1
+        if good >= 3:
+            return
+    case.tell(most, "was never enough")
+
+
+def bridge(case, step, most):
+    words = bridge_words(case)
     good = 0
-    for limit in range(8, most, step):
-        sim = case.programs.start("printer-sim", "--printer", printer, "--listen", "127.0.0.1:0", "--quiet", "--lockstep",
-                                  stdout=subprocess.PIPE)
-        modbus = json.loads(sim.stdout.readline())["modbus"]
-        modbus = modbus if modbus.startswith("tcp:") else "tcp:" + modbus
+    for limit in range(3, most, step):
+        sim, modbus = case.programs.machine(case.path("fast.toml"))
         shutil.rmtree(case.path("state"), ignore_errors=True)
         try:
-            done = case.limited(limit, ["printbridge", "print", stack, "--printer", printer, "--dir", "state", "--modbus", modbus,
-                                        "--sink", "null", "--lockstep"])
-            if case.judge(limit, done):
+            if case.judge(limit, case.limited(limit, [*words, modbus])):
                 case.enough = case.enough or limit
                 good += 1
         except subprocess.TimeoutExpired:
@@ -231,7 +292,7 @@ def bridge(case, step, most):
             return
 
 
-CASES = {f.__name__: f for f in (run, convert, post, add, submit, farm, serve, bridge)}
+CASES = {f.__name__: f for f in (run, convert, post, add, submit, farm, serve, send, bridge, page, machine)}
 
 
 def main():

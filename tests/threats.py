@@ -66,14 +66,16 @@ class Runner:
                     if line and not line.startswith(" "):
                         suite = line.split("#")[0].strip()
                     elif line.strip():
-                        self.programs[suite + line.split("#")[0].strip()] = os.path.join(folder, name)
+                        # Of those with parameters, "Kinds/Suite.Test/of": all of them are the test.
+                        test = suite.split("/")[-1] + line.split("#")[0].strip().split("/")[0]
+                        self.programs[test] = os.path.join(folder, name)
 
     def run(self, test):
         if test not in self.done:
             if SCRIPT.fullmatch(test):
                 command = ["ctest", "--test-dir", os.path.dirname(os.path.abspath(self.folder)), "-R", f"^{re.escape(test)}$", "--no-tests=error"]
             elif test in self.programs:
-                command = [self.programs[test], f"--gtest_filter={test}"]
+                command = [self.programs[test], f"--gtest_filter={test}:*/{test}/*"]
             else:
                 self.done[test] = "not built here"
                 return self.done[test]

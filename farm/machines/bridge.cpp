@@ -16,6 +16,7 @@
 #include "machines/detached.hpp"
 #include "machines/json_answers.hpp"
 #include "slicecorr/error.hpp"
+#include "support/files/lasting_folder.hpp"
 #include "support/files/temporary.hpp"
 #include "support/process/command.hpp"
 #include "support/text/display_text.hpp"
@@ -77,8 +78,7 @@ class Bridge final : public MachineAdapter {
 
   std::string upload(const MachineFile& file, const UploadProgress& progress) override {
     std::error_code error;
-    fs::create_directories(folder(), error);
-    if (error) throw DeviceError(folder() + ": can't be made: " + error.message());
+    slicecorr::detail::make_lasting_folder(folder());
     const std::string to = folder() + "/" + file.name;
     slicecorr::detail::Temporary part{slicecorr::detail::make_temporary(to)};
     fs::copy_file(file.path, part.path, fs::copy_options::overwrite_existing, error);

@@ -16,6 +16,7 @@
 #include "slicecorr/version.hpp"
 #include "support/files/errno_message.hpp"
 #include "support/http/guard.hpp"
+#include "support/http/why_no_answer.hpp"
 #include "support/json/members.hpp"
 #include "support/json/read_json.hpp"
 #include "support/process/no_sigpipe.hpp"
@@ -200,7 +201,7 @@ HttpAnswer HttpCalls::call_once(const char* method, const std::string& path, Htt
   if (too_long) throw DeviceError(where() + ": its answer is longer than 8 MiB");
   if (!result) {
     throw DeviceError(
-        fmt::format("{}: no answer ({})", where(), httplib::to_string(result.error())));
+        fmt::format("{}: no answer ({})", where(), http::why_no_answer(result.error())));
   }
   answer.status = result->status;
   if (answer.body.empty()) answer.body = result->body;

@@ -18,6 +18,7 @@
 #include "slicecorr/farm/machines.hpp"
 #include "slicecorr/stack.hpp"
 #include "slicecorr/stack_preview.hpp"
+#include "support/files/lasting_folder.hpp"
 #include "support/files/temporary.hpp"
 #include "support/json/read_json.hpp"
 #include "support/text/ascii.hpp"
@@ -49,9 +50,7 @@ struct MachineRoom::Parts {
         std::unique_ptr<MachineAdapter> with)
       : machine(std::move(given)), times(wanted), adapter(std::move(with)) {
     const std::string folder = farm.root + "/machines";
-    std::error_code error;
-    fs::create_directories(folder, error);
-    if (error) throw DeviceError(folder + ": can't be made: " + error.message());
+    slicecorr::detail::make_lasting_folder(folder);
     path = folder + "/" + machine.name + ".json";
     lock_path = folder + "/" + machine.name + ".lock";
     picture_path = folder + "/" + machine.name + ".png";

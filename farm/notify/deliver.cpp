@@ -20,6 +20,7 @@
 
 #include "slicecorr/farm/notify.hpp"
 #include "slicecorr/version.hpp"
+#include "support/http/why_no_answer.hpp"
 #include "support/process/no_sigpipe.hpp"
 
 namespace slicecorr::farm {
@@ -69,7 +70,7 @@ std::string post(const NotifyTarget& target, const Notice& notice, int stop_fd) 
   const auto result = client.Post(path, headers, notice.json, "application/json");
   ended = true;
   guard.join();
-  if (!result) return httplib::to_string(result.error());
+  if (!result) return http::why_no_answer(result.error());
   if (result->status >= 200 && result->status < 300) return {};
   return fmt::format("answers {}", result->status);
 }

@@ -15,6 +15,7 @@
 #include "slicecorr/farm/store.hpp"
 #include "slicecorr/farm/token.hpp"
 #include "slicecorr/farm/work.hpp"
+#include "support/files/lasting_folder.hpp"
 #include "support/files/temporary.hpp"
 #include "support/files/text_file.hpp"
 #include "support/json/json_node.hpp"
@@ -32,9 +33,7 @@ using Node = slicecorr::detail::JsonNode<nlohmann::json>;
 class NewFolder {
  public:
   explicit NewFolder(std::string path) : path_(std::move(path)) {
-    std::error_code error;
-    fs::create_directories(path_ + "/file", error);
-    if (error) throw DeviceError(path_ + ": can't be made: " + error.message());
+    slicecorr::detail::make_lasting_folder(path_ + "/file");
   }
   ~NewFolder() {
     std::error_code error;

@@ -11,11 +11,15 @@
 #include <cerrno>
 #include <chrono>
 #include <filesystem>
+#include <map>
+#include <mutex>
+#include <set>
 
 #include "slicecorr/error.hpp"
 #include "slicecorr/farm/queue.hpp"
 #include "slicecorr/farm/token.hpp"
 #include "support/files/errno_message.hpp"
+#include "support/files/lasting_folder.hpp"
 #include "support/files/temporary.hpp"
 #include "support/http/guard.hpp"
 #include "views/moment_text.hpp"
@@ -40,6 +44,36 @@ bool was_cut_short(const fs::path& upload) {
     if (name && slicecorr::detail::is_gone(name->maker, upload.string())) return true;
   }
   return false;
+}
+
+/// How old uploads are. Since this process first saw one, its age goes by the clock that does not jump: where somebody
+/// sets the computer's clock, no upload becomes old before its time.
+class Ages {
+ public:
+  double age_s(const std::string& upload, double at_first_s) {
+    const std::scoped_lock lock(mutex_);
+    const auto now = std::chrono::steady_clock::now();
+    const Seen& seen = seen_.try_emplace(upload, Seen{now, at_first_s}).first->second;
+    return seen.age_s + std::chrono::duration<double>(now - seen.at).count();
+  }
+  void forget_others(const std::string& folder, const std::set<std::string>& uploads) {
+    const std::scoped_lock lock(mutex_);
+    std::erase_if(seen_, [&](const auto& one) {
+      return one.first.starts_with(folder) && !uploads.contains(one.first);
+    });
+  }
+
+ private:
+  struct Seen {
+    std::chrono::steady_clock::time_point at;
+    double age_s;
+  };
+  std::mutex mutex_;
+  std::map<std::string, Seen> seen_;
+};
+Ages& ages() {
+  static Ages all;
+  return all;
 }
 
 }  // namespace
@@ -70,12 +104,18 @@ Upload::Upload(const FarmFolder& folder, const std::string& name) {
   text_ = "upload:" + token + "/" + name;
   path_ = folder_ + "/" + name;
   std::error_code error;
-  fs::create_directories(folder_, error);
-  if (error) throw DeviceError(folder_ + ": can't be made: " + error.message());
-  part_ = slicecorr::detail::make_temporary(path_);
-  file_ = ::open(part_.c_str(), O_WRONLY | O_CLOEXEC);
-  if (file_ < 0 || ::fchmod(file_, 0600) != 0) {
-    throw DeviceError(errno_message(path_, "can't be made"));
+  slicecorr::detail::make_lasting_folder(folder_);
+  ages().age_s(folder_, 0);
+  try {
+    part_ = slicecorr::detail::make_temporary(path_);
+    file_ = ::open(part_.c_str(), O_WRONLY | O_CLOEXEC);
+    if (file_ < 0 || ::fchmod(file_, 0600) != 0) {
+      throw DeviceError(errno_message(path_, "can't be made"));
+    }
+  } catch (...) {
+    if (file_ >= 0) ::close(file_);
+    fs::remove_all(folder_, error);
+    throw;
   }
 }
 
@@ -111,12 +151,14 @@ std::int64_t clean_uploads(const FarmFolder& folder, double kept_s) {
   std::int64_t bytes = 0;
   std::error_code error;
   const auto now = fs::file_time_type::clock::now();
+  std::set<std::string> there;
   for (const auto& entry : fs::directory_iterator(folder.root + "/uploads", error)) {
     if (!is_token(entry.path().filename().string())) continue;
     const auto changed = fs::last_write_time(entry.path(), error);
     if (error) continue;
-    if (std::chrono::duration<double>(now - changed).count() > kept_s ||
-        was_cut_short(entry.path())) {
+    there.insert(entry.path().string());
+    const double age_s = std::chrono::duration<double>(now - changed).count();
+    if (ages().age_s(entry.path().string(), age_s) > kept_s || was_cut_short(entry.path())) {
       fs::remove_all(entry.path(), error);
       continue;
     }
@@ -125,6 +167,7 @@ std::int64_t clean_uploads(const FarmFolder& folder, double kept_s) {
       if (!error) bytes += static_cast<std::int64_t>(size);
     }
   }
+  ages().forget_others(folder.root + "/", there);
   return bytes;
 }
 

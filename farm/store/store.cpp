@@ -20,6 +20,7 @@
 #include "programs/common/make_part.hpp"
 #include "store/title.hpp"
 #include "support/files/errno_message.hpp"
+#include "support/files/lasting_folder.hpp"
 #include "support/files/sha256.hpp"
 #include "support/files/temporary.hpp"
 #include "support/files/temporary_path.hpp"
@@ -90,7 +91,7 @@ int open_to_read(const std::string& path) {
 
 void make_folders(const std::string& path) {
   std::error_code error;
-  fs::create_directories(path, error);
+  slicecorr::detail::make_lasting_folder(path, error);
   if (error) fail(path, "can't be made", error.value());
 }
 

@@ -16,6 +16,7 @@
 
 #include "slicecorr/error.hpp"
 #include "support/files/errno_message.hpp"
+#include "support/files/lasting_folder.hpp"
 #include "support/files/temporary.hpp"
 
 namespace slicecorr::resins {
@@ -101,11 +102,8 @@ void append_line_durably(const std::string& path, const std::string& line) {
 
 void make_folder(const std::string& path) {
   std::error_code ec;
-  if (fs::is_directory(path, ec)) return;
-  fs::create_directories(path, ec);
+  slicecorr::detail::make_lasting_folder(path, ec);
   if (ec) throw DeviceError(path + ": the folder can't be made: " + ec.message());
-  const fs::path parent = fs::path(path).lexically_normal().parent_path();
-  flush_folder(parent.string());
 }
 
 }  // namespace slicecorr::resins

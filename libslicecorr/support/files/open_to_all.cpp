@@ -9,6 +9,7 @@
 #include <filesystem>
 
 #include "slicecorr/error.hpp"
+#include "support/files/lasting_folder.hpp"
 
 namespace slicecorr::detail {
 
@@ -25,9 +26,8 @@ void refuse_open_to_all(const std::string& path) {
 void make_own_folder(const std::string& path) {
   namespace fs = std::filesystem;
   std::error_code error;
-  const bool made = fs::create_directories(path, error);
-  if (error) throw DeviceError(path + ": can't be made: " + error.message());
-  if (made) fs::permissions(path, fs::perms::others_write, fs::perm_options::remove, error);
+  if (make_lasting_folder(path))
+    fs::permissions(path, fs::perms::others_write, fs::perm_options::remove, error);
   refuse_open_to_all(path);
 }
 

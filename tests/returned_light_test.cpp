@@ -420,22 +420,5 @@ TEST(ReturnedLight, BlackThatGelsBesideThePlatformIsRefused) {
   }
 }
 
-TEST(ReturnedLight, IsRefusedBesideAnEvenDeadZone) {
-  Printer printer = printer_with(0.3);
-  printer.uv = UvLamp{365, false, {{0, 0}, {255, 100}}};
-  Resin resin = test::resin(576, kHaUm);
-  resin.inhibition = Inhibition{0.73, 37.8, 1, 0};
-  Process process = test::process(1000);
-  process.uv.kind = UvKind::constant;
-  process.uv.uv_mw_cm2 = 20;
-  process.even_dead_zone = EvenDeadZone::both;
-  try {
-    make_cure_model(printer, resin, process, kHsUm);
-    FAIL() << "light from the platform is not counted beside an even dead zone";
-  } catch (const InputError& e) {
-    EXPECT_NE(std::string(e.what()).find("platform_reflectance"), std::string::npos) << e.what();
-  }
-}
-
 }  // namespace
 }  // namespace slicecorr

@@ -355,6 +355,32 @@ TEST(GelTimeCorrection, LadderPrintsAsDesigned) {
   EXPECT_GT(uncorrected.middle[25], 1.0);
 }
 
+// Between two nodes that gel the dose of a layer may dip: a feature must not come apart there. Layers at
+// edges have theirs elsewhere.
+TEST(GelTimeCorrection, NoFeatureDipsBetweenItsNodes) {
+  std::mt19937 random(31);
+  for (const double speed_mm_h : {171.0, 1000.0, 1200.0, 1300.0, 1389.0, 1600.0}) {
+    const Process process = test::process(speed_mm_h);
+    const CureModel model =
+        make_cure_model(test::linear_printer(0.05, 100), gel_time_resin({60, 6}, 600), process, 50);
+    for (int round = 0; round < 4; ++round) {
+      const auto design = test::column(60, test::random_runs(random, 4, 59, 4, 3));
+      const auto levels = solve_column(test::plan_for(model, process, 60), design);
+      BandDose band(model, 1);
+      for (std::size_t n = levels.size(); n-- > 0;) {
+        const auto pixel = static_cast<std::uint8_t>(levels[n]);
+        band.add_slice(static_cast<int>(n), &pixel);
+        const bool within = n > 0 && n + 1 < design.size() && design[n - 1] == 255 &&
+                            design[n] == 255 && design[n + 1] == 255;
+        if (!within) continue;
+        InsideLayer inside;
+        band.inside(0, -1, inside);
+        EXPECT_GE(inside.least, 1.0) << speed_mm_h << " " << n;
+      }
+    }
+  }
+}
+
 TEST(GelTimeCorrection, WhereNoLevelGelsItIsTheBrightest) {
   // As fast as light still gels layers, if barely, as plans try it: inside features more is asked.
   const Printer printer = test::linear_printer(1, 100);

@@ -41,6 +41,14 @@ std::string shrinkage_notice(const Resin& resin, const StackInfo* times) {
 /// What became of an archive's first exposure when another one follows it; empty when nothing is
 /// to be said.
 std::string first_exposure_notice(const Process& p, const StackInfo* times) {
+  if (p.mode == ExposureMode::layerwise && p.layer_exposure_s.empty() && times &&
+      times->kind == StackKind::foreign && p.bottom_layers + p.fade_layers == 0 &&
+      !times->layer_exposure_s.empty() && times->layer_exposure_s.front() > p.exposure_s) {
+    return fmt::format(
+        "the archive's own exposures of its layers, {:g} s for the first, are not kept: every layer gets "
+        "{:g} s, also those by which the part holds on to the platform",
+        times->layer_exposure_s.front(), p.exposure_s);
+  }
   const bool changed = p.mode == ExposureMode::layerwise && p.layer_exposure_s.empty() &&
                        has_first_exposure(times) && times->exposure_s > 0 &&
                        p.exposure_s != times->exposure_s;

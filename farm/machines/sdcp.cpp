@@ -238,35 +238,6 @@ std::string start_trouble(int ack) {
                                                               : fmt::format("answers {}", ack);
 }
 
-std::string sdcp_reason(int reason) {
-  constexpr const char* words[] = {"",
-                                   "too hot",
-                                   "the strain gauge could not be calibrated",
-                                   "resin is low",
-                                   "the print needs more than the vat holds",
-                                   "no resin",
-                                   "a foreign object",
-                                   "levelling failed",
-                                   "the model came off",
-                                   "the strain gauge is absent",
-                                   "the display failed",
-                                   "the release film is worn out",
-                                   "the USB stick was pulled",
-                                   "the x axis does not find home",
-                                   "the z axis does not find home",
-                                   "too much resin",
-                                   "too little resin",
-                                   "home was not found",
-                                   "a model is on the platform",
-                                   "the print failed",
-                                   "a motor failed",
-                                   "no model is seen",
-                                   "the model is warped"};
-  if (reason > 0 && reason < static_cast<int>(std::size(words))) return words[reason];
-  if (reason == 24) return "the file is bad";
-  return fmt::format("reason {}", reason);
-}
-
 std::optional<FoundMachine> sdcp_found(const std::string& datagram, const std::string& from) {
   const SdcpJson json = sdcp_json(datagram);
   const SdcpJson& data = member_of(json, "Data");

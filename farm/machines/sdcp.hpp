@@ -39,8 +39,6 @@ SdcpPart sdcp_part(int http_status, const std::string& body);
 
 /// What an Ack of Cmd 128 says; empty: it begins.
 std::string start_trouble(int ack);
-/// What an ErrorStatusReason says.
-std::string sdcp_reason(int reason);
 
 /// An answer to the datagram M99999; nothing where it is none.
 std::optional<FoundMachine> sdcp_found(const std::string& datagram, const std::string& from);

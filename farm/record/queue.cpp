@@ -207,10 +207,6 @@ void Queue::forget_result(const std::string& key, const std::string& why) {
   transaction.commit();
 }
 
-void Queue::touch_result(const std::string& key) {
-  db_->run("UPDATE results SET used_ms = ?2 WHERE key = ?1", key, clock_->wall_ms());
-}
-
 std::vector<Queue::Collectable> Queue::results_by_age() {
   std::vector<Collectable> list;
   Rows r = db_->query(

@@ -214,7 +214,6 @@ class Queue {
   std::optional<ResultRecord> cached(const std::string& key);
   /// Forgets a result whose files are damaged or collected.
   void forget_result(const std::string& key, const std::string& why);
-  void touch_result(const std::string& key);
   struct Collectable {
     std::string key;
     std::int64_t bytes = 0, used_ms = 0;  ///< last used: wall clock, since 1970

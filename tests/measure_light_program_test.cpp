@@ -366,7 +366,18 @@ TEST_F(MeasureLightProgram, LevelsBecomeACalibrationByWhichPartsAreCorrected) {
   write("levels.csv", filled("levels.goo.csv", {255}));
   const RunResult no_full = other("resinctl", import + Command{"--replace"});
   EXPECT_EQ(no_full.exit_code, 2);
-  EXPECT_THAT(no_full.err, HasSubstr("goes from level 0 to 213"));
+  EXPECT_THAT(no_full.err, AllOf(HasSubstr("levels.csv: has no reading of full light, level 255"),
+                                 HasSubstr("levels go from 0 to 213")));
+  // In uW/cm², and a meter out of its range.
+  for (const auto& [rows, words] : {std::pair{"0,3\n128,700\n255,4010\n", "were these uW/cm²?"},
+                                    {"0,4\n128,4\n255,4\n", "hardly brighter than black"}}) {
+    write("mine.csv", std::string("level,intensity_mw_cm2\n") + rows);
+    const RunResult wrong =
+        other("resinctl", {"import", "mine.csv", "--format", "calibration", "--printer",
+                           "dark.toml", "--name", "mine", "--folder", "db"});
+    EXPECT_EQ(wrong.exit_code, 2);
+    EXPECT_THAT(wrong.err, HasSubstr(words));
+  }
   good({"testpart", "comb", "--printer", "db/my-dark.toml", "-o", "comb.uvj"});
   const RunResult comb = other("resinctl", {"import", "comb.csv", "--format", "calibration",
                                             "--printer", "dark.toml", "--folder", "db"});

@@ -65,5 +65,24 @@ TEST(TimeScale, RefusesWhatHasNoDoseOfGel) {
                InputError);
 }
 
+TEST(TimeScale, RefusesWhatNoDoseMakesRight) {
+  // 4 s and 1 s are told.
+  const Resin jacobs = resin_of("model = \"jacobs\"\ngel_dose_mj_cm2 = 12\n");
+  const auto refusal = [&](const std::vector<std::pair<double, double>>& times) -> std::string {
+    try {
+      scale_by_times(jacobs, times_at(times));
+    } catch (const InputError& e) {
+      return e.what();
+    }
+    return "";
+  };
+  EXPECT_THAT(refusal({{3, 4000}, {12, 1000}}), HasSubstr("1000 times those of the file"));
+  EXPECT_THAT(refusal({{3, 4000}}), HasSubstr("were these ms?"));
+  EXPECT_THAT(refusal({{3, 0.03}}), HasSubstr("expected s and mW/cm²"));
+  EXPECT_EQ(refusal({{3, 300}}), "");
+  // The same time at a hundred times the light.
+  EXPECT_THAT(refusal({{0.3, 10}, {3, 10}, {30, 10}}), HasSubstr("do not stand to each other"));
+}
+
 }  // namespace
 }  // namespace slicecorr::test

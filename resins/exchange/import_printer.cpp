@@ -221,6 +221,41 @@ std::vector<Reading> read_curve(const ImportSource& source, bool every_level, do
   return points;
 }
 
+/// Throws where black or full light was not read.
+void check_whole(const std::vector<Reading>& curve, double full_level, const std::string& path) {
+  const auto check = [&](double level, const char* words, double read) {
+    if (read == level) return;
+    throw InputError(
+        path, "",
+        fmt::format("has no reading of {}, level {:g}: levels go from {:g} to {:g}; expected one",
+                    words, level, curve.front().level, curve.back().level));
+  };
+  check(0, "black", curve.front().level);
+  check(full_level, "full light", curve.back().level);
+}
+
+/// Throws where the light can be no printer's.
+void check_light(const std::vector<Reading>& curve, const std::string& path) {
+  constexpr double most_mw_cm2 = 2000, least_contrast = 1.05;
+  const double black = curve.front().intensity, full = curve.back().intensity;
+  if (full > most_mw_cm2) {
+    throw InputError(
+        path, "",
+        fmt::format(
+            "full light is {:g} mW/cm², more than {:g}; expected mW/cm² at the window: were these "
+            "uW/cm²?",
+            full, most_mw_cm2));
+  }
+  if (!(full >= least_contrast * black)) {
+    throw InputError(
+        path, "",
+        fmt::format(
+            "full light, {:g} mW/cm², is hardly brighter than black, {:g}; expected a display that "
+            "shows grey, and a meter within its range",
+            full, black));
+  }
+}
+
 std::vector<Imported> import_curve(const ImportSource& source, const ImportOptions& options,
                                    const char* lamp, bool every_level) {
   Imported made;
@@ -258,6 +293,7 @@ std::vector<Imported> import_curve(const ImportSource& source, const ImportOptio
                     "on the command line.",
                     greatest, options.intensity_mw_cm2));
   }
+  check_whole(curve, std::exp2(bit_depth) - 1, source.path);
   const double top = curve.back().intensity;
   const auto [most_changed, changed] = make_rising(curve);
   if (changed > 0) {
@@ -276,6 +312,7 @@ std::vector<Imported> import_curve(const ImportSource& source, const ImportOptio
                     "{:.3g} mW/cm².",
                     changed));
   }
+  check_light(curve, source.path);
   std::string comment =
       fmt::format("# {}, mW/cm² at the window, from {}.",
                   std::string_view(lamp) == "uv" ? "Control value" : "Grey level", source.file);

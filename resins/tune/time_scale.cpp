@@ -23,6 +23,23 @@ double window_gel_time_s(const Kinetics& k, const Resin& resin, double intensity
   return k.critical_dose_prime / std::pow(intensity_mw_cm2, resin.m);
 }
 
+/// Throws where no change of doses makes times and law one.
+void check_times(const TimeScale& s) {
+  constexpr double most_scale = 100, most_rms = 1;
+  if (s.scale > most_scale || s.scale < 1 / most_scale) {
+    const bool ms = s.scale > 300 && s.scale < 3000;
+    throw InputError(fmt::format(
+        "the times are {:.4g} times those of the file; expected s and mW/cm², and a resin of this kind{}",
+        s.scale, ms ? ": were these ms?" : ""));
+  }
+  if (s.rms_error > most_rms) {
+    throw InputError(fmt::format(
+        "times do not stand to each other as the file says ({:.2g} % rms); expected a law that was fitted "
+        "to them (resinctl fit)",
+        100 * s.rms_error));
+  }
+}
+
 }  // namespace
 
 TimeScale scale_by_times(const Resin& resin, const TimesToGel& times) {
@@ -53,6 +70,7 @@ TimeScale scale_by_times(const Resin& resin, const TimesToGel& times) {
     s.worst_error = std::max(s.worst_error, std::abs(off));
   }
   s.rms_error = std::sqrt(squares);
+  check_times(s);
   s.stderr_ln = n > 1 ? std::sqrt(scatter / (n - 1) / n) : std::numeric_limits<double>::quiet_NaN();
   std::sort(intensities.begin(), intensities.end());
   s.intensities =

@@ -27,7 +27,8 @@ struct TimeScale {
   std::string to_text(const Resin& resin) const;
 };
 
-/// One time is enough. Throws `InputError` where the resin's file says no dose of gel, or bleaches.
+/// One time is enough. Throws `InputError` where the resin's file says no dose of gel, or bleaches, and where
+/// no change of doses makes times and law one: a factor beyond 100, or errors of more than 100 % rms.
 TimeScale scale_by_times(const Resin& resin, const TimesToGel& times);
 
 }  // namespace slicecorr::resins

@@ -465,6 +465,18 @@ TEST_F(TestPartsProgram, DoseCombsTellTheDoseToAimAt) {
     return std::stod(text.substr(text.find("dose_factor = ") + 14));
   };
   EXPECT_NEAR(std::log(dose_factor("new.toml")), std::log(2.6), near) << r.out;
+  EXPECT_THAT(r.out, HasSubstr("the line between two combs adds up to 5.1 %"));
+  // The same places from another zero.
+  fill(
+      "first.csv", "measured_um",
+      [](const Row& row) {
+        return row.at("measured_um").empty() ? NAN : number(row, "measured_um") + 300;
+      },
+      "off.csv");
+  const RunResult off =
+      call({"tune", "off.csv", "--printer", "wide.toml", "--resin", "r.toml", "-o", "no.toml"});
+  EXPECT_EQ(off.exit_code, 2);
+  EXPECT_THAT(off.err, HasSubstr("um later than designed in the mean"));
   // Less light than the printer's file says is the same as a resin that needs more.
   t.light = 0.8;
   print(t, "second.csv");

@@ -33,12 +33,15 @@ struct DoseCombsFit {
   double stderr_ln =
       0;  ///< of its logarithm, from the scatter of edges; NaN where that is not known
   std::size_t best = 0;  ///< the comb whose edges are least off
+  /// By how much the line between the two combs beside it may be off besides: an eighth of their step.
+  double line_ln = 0;
   std::string to_text() const;
 };
 
 /// Whether a file is such a table.
 bool is_dose_combs_table(const std::string& path);
-/// Throws where fewer than two combs were measured, and where growth does not pass 0 between them: then the dose lies
+/// Throws where fewer than two combs were measured, where teeth end elsewhere than any dose moves them (places from
+/// another zero), and where growth does not pass 0 between them: then the dose lies
 /// below the least or above the greatest, which is said.
 DoseCombsFit fit_dose_combs(const std::string& path);
 /// The resin's file that aims at so many times its gel dose, under a new name. Throws where it does not say its

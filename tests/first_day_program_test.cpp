@@ -245,6 +245,50 @@ TEST_F(FirstDay, ReadingsBecomeAFlatField) {
   refused("1,1,5\n80,2,5\n3,3,5\n", "expected a place on the display");
   refused("1,1,5\n2,2,0\n3,3,5\n", "expected more than 0");
   refused("1,1,5\n2,,1\n3,3,5\n", "is empty");
+  refused("0,1,5\n9.2,2,5\n3,3,5\n", "expected a place on the display");
+  refused("3,3,5\n3,3,5\n3,3,5\n", "on a line");
+  refused("0.1,0.1,5\n0.7,0.1,5\n0.4,0.5,5\n", "were these cm?");
+  refused("1,1,5\n2,1,5\n1.5,5,5\n", "x_mm: goes from 1 to 2 mm of 8 mm");
+}
+
+TEST_F(FirstDay, ReadingsOfLightThatFallsToTheRimKeepItsShape) {
+  // Light that falls by a fifth and a tenth from the middle on, as displays' does: twelve exact readings tell it.
+  const auto light = [](double x, double y) {
+    return 10 - 2 * std::pow(x / 4 - 1, 2) - std::pow(y / 3 - 1, 2);
+  };
+  const auto table = [&](double times) {
+    std::string text = "x_mm,y_mm,light\n";
+    for (const double x : {0.5, 3.0, 5.5, 7.5}) {
+      for (const double y : {0.5, 3.0, 5.5}) {
+        const double reading = light(x, y) * (x == 3 && y == 3 ? times : 1);
+        text += std::to_string(x) + "," + std::to_string(y) + "," + std::to_string(reading) + "\n";
+      }
+    }
+    return text;
+  };
+  std::filesystem::create_directory(folder_ / "db");
+  const Command import{"import", "readings.csv", "--printer", "small.toml",
+                       "-o",     "db",           "--replace"};
+  write("readings.csv", table(1));
+  const RunResult made = resinctl(import);
+  ASSERT_EQ(made.exit_code, 0) << made.err;
+  EXPECT_EQ(made.err.find("contradicted"), std::string::npos) << made.err;
+  const Bytes picture = grey_of_png(read_file(folder_ / "db/small-flat-field.png"));
+  ASSERT_EQ(picture.size(), 64U * 48U);
+  // To a value of the picture: half of one for its rounding, as much for that of the brightest.
+  for (int row = 0; row < 48; ++row) {
+    for (int column = 0; column < 64; ++column) {
+      const double is = light((column + 0.5) / 8, 6 - (row + 0.5) / 8);
+      EXPECT_NEAR(picture[static_cast<std::size_t>(64 * row + column)], 25.5 * is, 1)
+          << column << " " << row;
+    }
+  }
+  // One that is three times too high is named: x 3, y 3 stands in line 6.
+  write("readings.csv", table(3));
+  const RunResult wrong = resinctl(import);
+  EXPECT_EQ(wrong.exit_code, 0) << wrong.err;
+  EXPECT_NE(wrong.err.find("the reading of line 6, 29.625, is contradicted"), std::string::npos)
+      << wrong.err;
 }
 
 TEST_F(FirstDay, PicturesAreWhatTheirNamesSay) {

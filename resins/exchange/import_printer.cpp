@@ -415,6 +415,7 @@ std::vector<Imported> import_flat_field(const ImportSource& source, const Import
         of_plate ? "x and y in mm of the plate, from its corner at the least x and y"
                  : "x and y in mm of the display's images, from their lower left corner",
         100 * map->off_mean));
+    if (!map->contradicted.empty()) say.push_back(map->contradicted + ".");
     std::string ninths;
     for (std::size_t i = 0; i < map->ninths.size(); ++i) {
       ninths += fmt::format("{}{:.0f}",

@@ -23,8 +23,9 @@ struct LightReading {
 /// Whether the header of a table names places and light.
 bool is_light_readings(const std::string& text, const std::string& path);
 
-/// A smooth map through readings: at each place the plane that fits those around best, each the less
-/// the further away it is (a Gaussian as wide as readings lie apart).
+/// A smooth map through readings: from nine on that curve both ways the surface of second order that fits them
+/// best; and with what they differ from it, or from nothing, at each place the plane that fits those around best, each
+/// the less the further away it is (a Gaussian as wide as readings lie apart).
 struct LightMapOfReadings {
   GreyImage image;       ///< row 0 at the largest y; white is the brightest place
   double brightest = 0;  ///< light that white stands for
@@ -33,10 +34,12 @@ struct LightMapOfReadings {
       ninths;  ///< shares of the brightest in the middles of 3 x 3 parts, from the top left on
   double value_at(double x_mm, double y_mm) const;  ///< 0 to 255, not rounded
   double width_mm = 0, height_mm = 0;
+  /// A reading that the others contradict, as a sentence; empty: none.
+  std::string contradicted;
 };
 
-/// Throws `InputError` where there are fewer than three readings, one lies beside the display, or all
-/// lie on a line.
+/// Throws `InputError` where there are fewer than three readings, one lies beside the display, all lie on a line, or
+/// they cover less than half of a side.
 LightMapOfReadings map_of_readings(const ImportSource& source, double width_mm, double height_mm);
 
 }  // namespace slicecorr::resins

@@ -267,8 +267,7 @@ TEST_F(FirstDay, ReadingsOfLightThatFallsToTheRimKeepItsShape) {
     return text;
   };
   std::filesystem::create_directory(folder_ / "db");
-  const Command import{"import", "readings.csv", "--printer", "small.toml",
-                       "-o",     "db",           "--replace"};
+  const Command import{"import", "readings.csv", "--printer", "small.toml", "-o", "db"};
   write("readings.csv", table(1));
   const RunResult made = resinctl(import);
   ASSERT_EQ(made.exit_code, 0) << made.err;
@@ -285,7 +284,7 @@ TEST_F(FirstDay, ReadingsOfLightThatFallsToTheRimKeepItsShape) {
   }
   // One that is three times too high is named: x 3, y 3 stands in line 6.
   write("readings.csv", table(3));
-  const RunResult wrong = resinctl(import);
+  const RunResult wrong = resinctl(import + Command{"--replace"});
   EXPECT_EQ(wrong.exit_code, 0) << wrong.err;
   EXPECT_NE(wrong.err.find("the reading of line 6, 29.625, is contradicted"), std::string::npos)
       << wrong.err;

@@ -37,14 +37,15 @@ inline std::vector<std::vector<std::uint8_t>> random_columns(std::size_t count, 
 /// A design of columns beside each other, which must outlive it.
 inline detail::CodedDesign design_of(const std::vector<std::vector<std::uint8_t>>& columns) {
   return {columns.size(),
-          [&](const SliceSource::Sink& sink) {
-            std::vector<std::uint8_t> row(columns.size());
-            for (std::size_t n = 0; n < columns.front().size(); ++n) {
-              for (std::size_t i = 0; i < columns.size(); ++i) row[i] = columns[i][n];
-              sink(static_cast<int>(n), row.data());
-            }
-          },
-          nullptr, Surface::mesh, nullptr};
+          {.coverage =
+               [&](const SliceSource::Sink& sink) {
+                 std::vector<std::uint8_t> row(columns.size());
+                 for (std::size_t n = 0; n < columns.front().size(); ++n) {
+                   for (std::size_t i = 0; i < columns.size(); ++i) row[i] = columns[i][n];
+                   sink(static_cast<int>(n), row.data());
+                 }
+               }},
+          Surface::mesh};
 }
 
 }  // namespace slicecorr::test

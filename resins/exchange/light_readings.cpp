@@ -91,9 +91,9 @@ double light_at(const std::vector<LightReading>& readings, double x_mm, double y
 
 /// The surface of second order over the display that fits readings best; nothing where they are too few or do not
 /// curve both ways.
-class Curve {
+class LightCurve {
  public:
-  Curve(const std::vector<LightReading>& readings, double width_mm, double height_mm)
+  LightCurve(const std::vector<LightReading>& readings, double width_mm, double height_mm)
       : width_mm_(width_mm), height_mm_(height_mm) {
     if (readings.size() < kCurved) return;
     const auto rows = static_cast<Eigen::Index>(readings.size());
@@ -121,9 +121,9 @@ class Curve {
 };
 
 /// The light of all places, by readings.
-class Surface {
+class LightSurface {
  public:
-  Surface(std::vector<LightReading> readings, double width_mm, double height_mm)
+  LightSurface(std::vector<LightReading> readings, double width_mm, double height_mm)
       : curve_(readings, width_mm, height_mm),
         left_(std::move(readings)),
         apart_mm_(std::sqrt(width_mm * height_mm / static_cast<double>(left_.size()))) {
@@ -134,7 +134,7 @@ class Surface {
   }
 
  private:
-  Curve curve_;
+  LightCurve curve_;
   std::vector<LightReading> left_;  ///< what readings differ from the curve
   double apart_mm_;
 };
@@ -145,18 +145,18 @@ std::string contradicted_in_words(const std::vector<LightReading>& readings, dou
   constexpr std::size_t most = 400;
   constexpr double better = 0.3, apart = 0.1;
   if (readings.size() <= kCurved || readings.size() > most) return {};
-  const auto rms = [&](const std::vector<LightReading>& some, const Curve& curve) {
+  const auto rms = [&](const std::vector<LightReading>& some, const LightCurve& curve) {
     double sum = 0;
     for (const LightReading& r : some) sum += std::pow(curve.at(r.x_mm, r.y_mm) - r.light, 2);
     return std::sqrt(sum / static_cast<double>(some.size()));
   };
-  const double all = rms(readings, Curve(readings, width_mm, height_mm));
+  const double all = rms(readings, LightCurve(readings, width_mm, height_mm));
   double least = better * all;
   std::string words;
   for (std::size_t i = 0; i < readings.size(); ++i) {
     std::vector<LightReading> others = readings;
     others.erase(others.begin() + static_cast<std::ptrdiff_t>(i));
-    const Curve curve(others, width_mm, height_mm);
+    const LightCurve curve(others, width_mm, height_mm);
     const LightReading& r = readings[i];
     const double expected = curve.at(r.x_mm, r.y_mm), without = rms(others, curve);
     if (curve.none() || without >= least || std::abs(r.light - expected) < apart * expected)
@@ -220,7 +220,7 @@ double LightMapOfReadings::value_at(double x_mm, double y_mm) const {
 LightMapOfReadings map_of_readings(const ImportSource& source, double width_mm, double height_mm) {
   const std::vector<LightReading> readings = read(source, width_mm, height_mm);
   check_places(readings, width_mm, height_mm, source.path);
-  const Surface surface(readings, width_mm, height_mm);
+  const LightSurface surface(readings, width_mm, height_mm);
   LightMapOfReadings map;
   map.width_mm = width_mm;
   map.height_mm = height_mm;

@@ -377,7 +377,8 @@ TEST_F(CalibrateProgram, RealFilesAreCorrected) {
     const Command with{"--printer", "my.toml", "--resin", "resin.toml", "--mode", "layerwise"};
     good(Command{"correct", part, "-o", out} + with);
     const int layers = StackReader::read_info(folder_ / part).grid.layers;
-    EXPECT_GT(changed_layers(folder_ / part, folder_ / out, folder_.path()), 0.9 * layers);
+    // Those that have something over a gap, or all that reaches into one.
+    EXPECT_GT(changed_layers(folder_ / part, folder_ / out, folder_.path()), 0.5 * layers);
     const std::string in_place = std::string("in-place") + f.ending;
     std::filesystem::copy_file(folder_ / part, folder_ / in_place);
     const RunResult post = run_program(

@@ -365,7 +365,7 @@ TEST_F(Exchange, CalibrationReplacesThatOfThePrinter) {
   };
   EXPECT_THAT(refused("0,1\n255,2\n", ""), HasSubstr("--printer"));
   EXPECT_THAT(refused("0,1\n255,2\n", "no-such-printer"), HasSubstr("no-such-printer"));
-  EXPECT_THAT(refused("10,1\n255,2\n", ember()), HasSubstr("expected 0 to 255"));
+  EXPECT_THAT(refused("10,1\n255,2\n", ember()), HasSubstr("no reading of black, level 0"));
   EXPECT_THAT(refused("0,1\n128,9\n255,5\n", ember()), HasSubstr("the curve falls"));
   EXPECT_THAT(refused("0,1\n255,-2\n", ember()), HasSubstr("at least 0"));
   EXPECT_THAT(refused("a,b\n0,x\n255,1\n", ember()), HasSubstr("is 'x'"));

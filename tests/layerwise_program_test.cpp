@@ -199,7 +199,11 @@ TEST_F(Layerwise, TimesComeFromTheArchive) {
   good(correct("timed.uvj", "out.uvj") + kLayerwise);
   const json out = config_of("out.uvj");
   EXPECT_EQ(out["slicecorr"]["process"]["exposure_s"], 0.2);
-  EXPECT_EQ(out["slicecorr"]["process"]["layer_exposure_s"], (json{0.8, 0.8, 0.5, 0.2}));
+  // Two longer ones, one step, the normal one: that is how it is kept.
+  EXPECT_EQ(out["slicecorr"]["process"]["layer_exposure_s"], json::array());
+  EXPECT_EQ(out["slicecorr"]["process"]["bottom_layers"], 2);
+  EXPECT_EQ(out["slicecorr"]["process"]["bottom_exposure_s"], 0.8);
+  EXPECT_EQ(out["slicecorr"]["process"]["fade_layers"], 1);
   for (std::size_t n = 0; n < 50; ++n) {
     EXPECT_EQ(out["Layers"][n]["Exposure"]["LightOnTime"],
               config["Layers"][n]["Exposure"]["LightOnTime"]);
@@ -209,7 +213,10 @@ TEST_F(Layerwise, TimesComeFromTheArchive) {
               2 * 0.8 + 0.5 + 47 * 0.2, 1e-9);
   good(correct("timed.uvj", "plain.uvj") + kLayerwise + Command{"--exposure-s", "0.3"});
   EXPECT_EQ(config_of("plain.uvj")["slicecorr"]["process"]["layer_exposure_s"], json::array());
-  EXPECT_EQ(config_of("plain.uvj")["Layers"][0]["Exposure"]["LightOnTime"], 0.3);
+  // First layers that are longer stay, and so does the step to the new one.
+  EXPECT_EQ(config_of("plain.uvj")["Layers"][0]["Exposure"]["LightOnTime"], 0.8);
+  EXPECT_NEAR(config_of("plain.uvj")["Layers"][2]["Exposure"]["LightOnTime"], 0.55, 1e-9);
+  EXPECT_EQ(config_of("plain.uvj")["Layers"][3]["Exposure"]["LightOnTime"], 0.3);
   // Bottom layers of the properties, where single layers say nothing.
   config.erase("Layers");
   config["Properties"]["Bottom"] = {{"LightOnTime", 0.9}, {"Count", 4}};

@@ -204,7 +204,10 @@ TEST(PlaceModels, UvLightIsThatOfTheBrightestPlace) {
 // Where UV light has so many intensities that values of light would have to share tables that differ by
 // more than half a per cent, edges would lie elsewhere than is told.
 TEST(PlaceModels, LightThatCannotBeToldApartIsRefused) {
-  Settings setup = with(modes()[5].setup, field_of(2, 1, {155, 255}, 255));
+  // All of 101 values, then those of its ends alone, which have room.
+  Values all(256);
+  for (std::size_t i = 0; i < all.size(); ++i) all[i] = static_cast<std::uint8_t>(155 + i % 101);
+  Settings setup = with(modes()[5].setup, field_of(16, 16, all, 255));
   setup.process.uv = {UvKind::constant, 50, 0, {}};
   EXPECT_NO_THROW(PlaceModels(setup.printer, setup.resin, setup.process, kGrid, {}));
   setup.process.uv = {UvKind::per_slice, 0, 0, {}};
@@ -216,6 +219,9 @@ TEST(PlaceModels, LightThatCannotBeToldApartIsRefused) {
     EXPECT_THAT(e.what(), testing::HasSubstr("display.flat_field"));
     EXPECT_THAT(e.what(), testing::HasSubstr("expected UV light of one intensity"));
   }
+  for (std::size_t i = 0; i < all.size(); ++i) all[i] = i % 16 < 8 ? 155 : 255;
+  setup.printer.flat_field = field_of(16, 16, all, 255);
+  EXPECT_NO_THROW(PlaceModels(setup.printer, setup.resin, setup.process, kGrid, {}));
 }
 
 // ---- correction -----------------------------------------------------------------------------

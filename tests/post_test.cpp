@@ -77,7 +77,8 @@ TEST_F(Post, ChangesLayerImagesAndNothingElse) {
     changed += is.pixels != was.pixels;
   }
   EXPECT_EQ(images, 50);
-  EXPECT_GT(changed, 20);
+  // The first layers over the gaps; the others keep their light.
+  EXPECT_GE(changed, 2);
   struct stat status;
   ASSERT_EQ(::stat((folder_ / "part.sl1").c_str(), &status), 0);
   EXPECT_EQ(status.st_mode & 0777, 0640U);

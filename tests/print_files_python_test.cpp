@@ -243,12 +243,27 @@ TEST(PrintFilesPythonToo, ACorrectedFileIsReadBack) {
                "[255, 3.0]]\n"));
   RunOptions options;
   options.environment = {{"SLICECORR_DB", SLICECORR_DB_DIR}};
-  const RunResult r =
-      run_program({SLICECORR_BIN_DIR "/slicecorr", "--quiet", "correct", folder / "part.ctb", "-o",
-                   folder / "corrected.ctb", "--printer", folder / "mars.toml", "--resin",
-                   "liqcreate-strong-x-405nm", "--mode", "layerwise", "--exposure-s", "30",
-                   "--bottom-layers", "3", "--bottom-exposure-s", "60"},
-                  options);
+  const RunResult r = run_program({SLICECORR_BIN_DIR "/slicecorr",
+                                   "--quiet",
+                                   "correct",
+                                   folder / "part.ctb",
+                                   "-o",
+                                   folder / "corrected.ctb",
+                                   "--printer",
+                                   folder / "mars.toml",
+                                   "--resin",
+                                   "liqcreate-strong-x-405nm",
+                                   "--mode",
+                                   "layerwise",
+                                   "--lifts",
+                                   "none",
+                                   "--exposure-s",
+                                   "30",
+                                   "--bottom-layers",
+                                   "3",
+                                   "--bottom-exposure-s",
+                                   "60"},
+                                  options);
   ASSERT_EQ(r.exit_code, 0) << r.err;
   json before, after;
   expect_same(folder / "part.ctb", &before);

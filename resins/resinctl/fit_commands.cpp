@@ -122,8 +122,8 @@ bool same_file(const std::string& a, const std::string& b) {
   return fs::equivalent(a, b, error);
 }
 
-/// Writes the resin file, with the measurements beside it.
-void write_record(const FitArguments& a, FitResult result, Console& console) {
+/// Whether a record at its place adds to the one that it was asked to begin with. Throws where none can be written.
+bool check_record(const FitArguments& a, const ResinRecord* previous) {
   const fs::path path = a.output;
   const std::string stem = path.stem().string();
   if (path.extension() != ".toml" || stem.empty()) {
@@ -135,8 +135,6 @@ void write_record(const FitArguments& a, FitResult result, Console& console) {
                                  "name of its resin",
                                  a.name, a.name));
   }
-  std::optional<ResinRecord> previous;
-  if (!a.resin.empty()) previous = load_record(a.resin);
   const bool exists = fs::exists(path);
   const bool onto_itself = exists && previous && same_file(previous->path, a.output);
   if (exists && !onto_itself) {
@@ -145,7 +143,20 @@ void write_record(const FitArguments& a, FitResult result, Console& console) {
                                  "fit to it",
                                  a.output));
   }
+  return onto_itself;
+}
+
+std::optional<ResinRecord> previous_record(const FitArguments& a) {
+  if (a.resin.empty()) return std::nullopt;
+  return load_record(a.resin);
+}
+
+/// Writes the resin file, with the measurements beside it.
+void write_record(const FitArguments& a, FitResult result, Console& console) {
+  const std::optional<ResinRecord> previous = previous_record(a);
   const ResinRecord* const record = previous ? &*previous : nullptr;
+  const bool onto_itself = check_record(a, record);
+  const std::string stem = fs::path(a.output).stem().string();
   const std::string folder = cli::folder_of(a.output);
   // A text that can't be made must not leave copies of measurements behind.
   record_text_from_fit(stem, {result}, record, folder);
@@ -270,6 +281,10 @@ int run_fit(const FitArguments& a, const ExecutionContext& context, Console& con
   FitResult result = fit(measurements, model, options, context);
   if (!kind_of(model).dead_zones) {
     result.left_out = compare_left_out(measurements, options, context);
+  }
+  if (!a.output.empty()) {
+    const std::optional<ResinRecord> previous = previous_record(a);
+    check_record(a, previous ? &*previous : nullptr);
   }
   if (!a.json.empty()) cli::print_or_write(a.json, result.to_json());
   if (a.json == "-") {

@@ -12,6 +12,7 @@
 #include <random>
 #include <vector>
 
+#include "layer_places.hpp"
 #include "process/even_back.hpp"
 #include "slicecorr/correct.hpp"
 #include "slicecorr/dose.hpp"
@@ -54,15 +55,8 @@ struct Lit {
     }
     printer.platform_reflectance = reflectance;
   }
-  double height_um(int n) const {
-    const auto& um = process.layer_heights_um;
-    return um.empty() ? kUsualUm : um[std::min(static_cast<std::size_t>(n), um.size() - 1)];
-  }
-  double node_um(int n) const {
-    double sum = 0;
-    for (int k = 0; k < n; ++k) sum += height_um(k);
-    return sum;
-  }
+  double height_um(int n) const { return test::height_um(process, n, kUsualUm); }
+  double node_um(int n) const { return test::node_um(process, n, kUsualUm); }
   double back(double z_um) const {
     return 1 + printer.platform_reflectance * std::exp(-2 * z_um / kHbUm);
   }

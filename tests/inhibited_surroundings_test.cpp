@@ -12,6 +12,7 @@
 #include <random>
 
 #include "correct/inhibited_plan.hpp"
+#include "layer_places.hpp"
 #include "refusal.hpp"
 #include "rounds.hpp"
 #include "slicecorr/correct.hpp"
@@ -39,15 +40,8 @@ struct Lit {
   Process process = uv_process(800, 200);
 
   bool layerwise() const { return process.mode == ExposureMode::layerwise; }
-  double height_um(int n) const {
-    const auto& um = process.layer_heights_um;
-    return um.empty() ? kUsualUm : um[std::min(static_cast<std::size_t>(n), um.size() - 1)];
-  }
-  double node_um(int n) const {
-    double sum = 0;
-    for (int k = 0; k < n; ++k) sum += height_um(k);
-    return sum;
-  }
+  double height_um(int n) const { return test::height_um(process, n, kUsualUm); }
+  double node_um(int n) const { return test::node_um(process, n, kUsualUm); }
   double uv_mw_cm2(std::size_t n) const {
     const auto& of = process.uv.slice_mw_cm2;
     return of.empty() ? process.uv.uv_mw_cm2 : of[std::min(n, of.size() - 1)];

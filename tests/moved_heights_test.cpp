@@ -11,6 +11,7 @@
 #include <numbers>
 #include <random>
 
+#include "layer_places.hpp"
 #include "models.hpp"
 #include "rounds.hpp"
 #include "slicecorr/correct.hpp"
@@ -29,15 +30,8 @@ struct Moved {
   Resin resin;
   Process process;
 
-  double node_um(int n) const {
-    double sum = 0;
-    for (int k = 0; k < n; ++k) sum += height_um(k);
-    return sum;
-  }
-  double height_um(int n) const {
-    const auto& um = process.layer_heights_um;
-    return um[std::min(static_cast<std::size_t>(n), um.size() - 1)];
-  }
+  double node_um(int n) const { return test::node_um(process, n, 0); }
+  double height_um(int n) const { return test::height_um(process, n, 0); }
   double speed_mm_h(int n) const {
     const auto& own = process.slice_speed_mm_h;
     return own.empty() ? process.speed_mm_h

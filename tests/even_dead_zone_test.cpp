@@ -12,7 +12,10 @@
 #include <chrono>
 #include <cmath>
 #include <filesystem>
+#include <numeric>
 
+#include "bands/bands.hpp"
+#include "even/kept_images.hpp"
 #include "lattice.hpp"
 #include "meshes.hpp"
 #include "real_files.hpp"
@@ -214,6 +217,83 @@ void real_part(const std::string& name, double scale, int pixels, double layer_u
   // Walls thinner than the absorbance height: a voxel in 100,000 may stay below 1 for want of levels.
   EXPECT_LE(p.print.undercure_voxels, p.print.target_voxels / 100000);
   EXPECT_EQ(p.print.lost_features, 0U);
+}
+
+// A thick zone at a speed that leaves much of this disc undercured: what is counted while a gap is sought is what
+// the correction prints, of all columns, and of those that lie at every third pixel.
+TEST(EvenDeadZone, SomeColumnsAreCountedAsTheyPrint) {
+  const TemporaryFolder folder;
+  TriangleMesh disc;
+  add_strut(disc, {0, 0, 0}, {0, 0, 1.0}, 3.0, 180);
+  slicecorr::Setup setup = flow_setup(flow_printer(130, true), EvenDeadZone::both, 219.8);
+  setup.process.speed_mm_h = 500;
+  SliceOptions options;
+  options.layer_um = 50;
+  const MeshSlices target(disc, setup.printer, options);
+  setup.process = find_even_light(target, setup);
+  const StackFile file(folder.path() + "/out.uvj");
+  const Correction correction = correct_stack(target, setup, file, {});
+  const detail::Undercured all = detail::undercured_by(target, setup, 1, {});
+  EXPECT_EQ(all.voxels, correction.after.undercure_voxels);
+  EXPECT_EQ(all.of, correction.after.target_voxels);
+  EXPECT_TRUE(all.more_than(0.1));
+  std::uint64_t ninth = 0;
+  target.read_band(target.bounds(), [&](int, const std::uint8_t* rows) {
+    const PixelBox box = target.bounds();
+    for (int y = box.y0; rows && y < box.y1; ++y) {
+      for (int x = box.x0; x < box.x1; ++x, ++rows) {
+        ninth += x % 3 == 0 && y % 3 == 0 && *rows == 255;
+      }
+    }
+  });
+  const detail::Undercured some = detail::undercured_by(target, setup, 3, {});
+  EXPECT_EQ(some.of, ninth);
+  EXPECT_TRUE(some.more_than(0.1));
+}
+
+// What light is sought by is what will be shown but for what is mended afterwards.
+TEST(EvenDeadZone, ImagesAreNearlyThoseThatAreShown) {
+  const std::string path = real_file("meshes/clean/3DBenchy.stl");
+  if (!std::filesystem::exists(path)) GTEST_SKIP() << path << " is not here";
+  Placement placement;
+  placement.scale = 0.1;
+  slicecorr::Setup setup = flow_setup(flow_printer(70, true, 100), EvenDeadZone::both, 120);
+  SliceOptions options;
+  options.layer_um = 100;
+  const MeshSlices target(read_mesh(path, placement), setup.printer, options);
+  setup.process = find_even_light(target, setup);
+  const TemporaryFolder folder;
+  const StackFile file(folder.path() + "/out.uvj");
+  const Prediction print = correct_stack(target, setup, file, {}).after;
+  std::vector<int> slices(static_cast<std::size_t>(target.grid().layers));
+  std::iota(slices.begin(), slices.end(), 0);
+  const auto pixels = [&](const detail::KeptImages& images) {
+    std::vector<std::uint8_t> all;
+    const std::size_t of_slice = detail::columns_of(target.bounds());
+    images.read_band(target.bounds(), [&](int, const std::uint8_t* rows) {
+      if (rows) {
+        all.insert(all.end(), rows, rows + of_slice);
+      } else {
+        all.insert(all.end(), of_slice, std::uint8_t{0});
+      }
+    });
+    return all;
+  };
+  const auto near = pixels(detail::nearly_solved_images(target, setup, slices, {}));
+  const auto shown = pixels(detail::solved_images(target, setup, slices, {}));
+  ASSERT_EQ(near.size(), shown.size());
+  std::size_t otherwise = 0;
+  double light = 0, differs = 0;
+  for (std::size_t i = 0; i < shown.size(); ++i) {
+    otherwise += (near[i] > 0) != (shown[i] > 0);
+    light += shown[i];
+    differs += std::abs(near[i] - shown[i]);
+  }
+  RecordProperty("lit otherwise", fmt::format("{} in {} features; light {:.4f}", otherwise,
+                                              print.runs, differs / light));
+  EXPECT_GT(otherwise, 0U) << "nothing was mended";
+  // A feature begins and ends a slice earlier or later.
+  EXPECT_LE(otherwise, 2 * print.runs);
 }
 
 TEST(EvenDeadZone, BenchyAtATenthOfItsSize) {

@@ -485,6 +485,11 @@ const CorrectionPlan& PlacePlans::plan(std::uint8_t value) const {
   if (!made) {
     CorrectionPlan plan(models_.model(value), process_, layers_, all_layers_);
     if (plan.model.lifts) plan.most_exchange = most_exchange_;
+    if (as_planned_ && plan.inhibited) {
+      auto planned = std::make_shared<InhibitedPlan>(*plan.inhibited);
+      planned->tuning.as_planned = true;
+      plan.inhibited = std::move(planned);
+    }
     made = std::make_unique<const CorrectionPlan>(std::move(plan));
   }
   return *made;

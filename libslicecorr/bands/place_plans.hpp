@@ -28,6 +28,8 @@ class PlacePlans {
   /// Checks that `setup` can print `target` everywhere; throws as `correct_stack`. Reads the target
   /// once when it is not clear without which of its places are lit.
   PlacePlans(const SliceSource& target, const Setup& setup, const ExecutionContext& context);
+  /// Has columns keep what is planned of even light (`InhibitedTuning::as_planned`). Before any plan is asked for.
+  void keep_as_planned() { as_planned_ = true; }
 
   const PlaceModels& models() const { return models_; }
   bool even() const { return models_.even(); }
@@ -56,6 +58,7 @@ class PlacePlans {
 
  private:
   Process process_;
+  bool as_planned_ = false;
   std::optional<Uncertainty> robust_;
   std::optional<double> most_exchange_;
   mutable std::optional<RobustFigures> held_;

@@ -231,7 +231,7 @@ void InhibitedColumn::Impl::search(const std::vector<CoverageRun>& runs) {
   least_um = std::numeric_limits<double>::infinity();
   perfect = false;
   if (even && !doses.has_floors() && has_full_features()) {
-    if (even_light_does(runs)) return;
+    if (even_light_does(runs) || plan.tuning.as_planned) return;
     // Near to what was planned before anything else.
     if (greys_right) {
       polish_best();

@@ -148,6 +148,10 @@ struct InhibitedTuning {
   double dip_dose = 1.003;
   std::array<double, 2> dip_weights{4e3, 1e6};
 
+  /// Where light is even, whether columns keep what was planned for it, with their edges brought to their
+  /// places but nothing else mended: a look at what will be shown, in a fraction of the time.
+  bool as_planned = false;
+
   // Memory.
 
   /// Bytes of solved columns that are kept for those that are alike, in all bands together. Changes

@@ -13,8 +13,8 @@
 
 #include "bands/bands.hpp"
 #include "even/even_finder.hpp"
+#include "even/kept_images.hpp"
 #include "even/lit_setup.hpp"
-#include "even/undercured.hpp"
 #include "slicecorr/cure.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/first_slices.hpp"
@@ -22,6 +22,8 @@
 #include "slicecorr/setup.hpp"
 
 namespace slicecorr {
+
+using detail::Undercured;
 
 namespace {
 
@@ -65,50 +67,86 @@ std::shared_ptr<const EvenLight> with_blue_as_uv(EvenLight light) {
 }
 
 /// One search for light.
-struct Try {
+class Try {
+ public:
   Try(const SliceSource& target, Setup with, const ExecutionContext& context, int every,
       double hold_off)
-      : asked(std::move(with)), finder(target, asked, context, every, hold_off) {
-    process = finder.find();
+      : target_(target),
+        context_(context),
+        asked_(std::move(with)),
+        finder_(target, asked_, context, every, hold_off),
+        process_(finder_.guess()) {}
+  double gap_um() const { return process_.even_light->gap_um; }
+  const Process& process() const { return process_; }
+  void tell() const { finder_.tell(process_); }
+  void find() { process_ = finder_.find(std::move(process_)); }
+  /// What columns can't print with the light as far as it was found, of one in so many across and down.
+  Undercured undercured() const {
+    constexpr int kSome = 4;
+    const Setup with{asked_.printer, asked_.resin, process_, gap_um()};
+    return detail::undercured_by(target_, with, kSome, context_);
   }
-  double gap_um() const { return process.even_light->gap_um; }
-  Setup asked;
-  detail::EvenFinder finder;
-  Process process;
-  std::uint64_t undercured = 0;
+
+ private:
+  const SliceSource& target_;
+  const ExecutionContext& context_;
+  Setup asked_;
+  detail::EvenFinder finder_;
+  Process process_;
 };
 
 /// Light in a dead zone that columns can print with. The one with which the largest section comes out
 /// best may be so thick that resin has too little light left on its way: where nobody said it, it is made
-/// thinner until nothing is undercured, or no less is.
+/// thinner until hardly anything is undercured, or no less is. What is lacking then is lacking all over the part,
+/// so some columns tell it. First with light for guessed images, which takes no rounds: only in the gap that this
+/// leaves light is sought, and it goes on from there.
 std::unique_ptr<const Try> best_gap(const SliceSource& target, const Setup& setup,
                                     const ExecutionContext& context, int every, double hold_off) {
   constexpr double kThinner = 0.87;
   constexpr int kMostTries = 8;
-  std::unique_ptr<const Try> best;
-  double first_um = 0;
+  // Shares of the voxels that no other gap would mend: a few lack levels, more so with guessed light.
+  constexpr double kFew = 1e-5, kFewOfSome = 1e-4;
   Setup asked = setup;
-  for (int tries = 1;; ++tries) {
-    auto now = std::make_unique<Try>(target, asked, context, every, hold_off);
-    if (setup.gap_um > 0) return now;
-    const double gap_um = now->gap_um();
-    now->undercured = detail::undercured_voxels(
-        target, {setup.printer, setup.resin, now->process, gap_um}, context);
-    if (tries == 1) first_um = gap_um;
-    const bool better = !best || now->undercured < best->undercured;
-    if (better) best = std::move(now);
-    asked.gap_um = gap_um * kThinner;
-    if (best->undercured == 0 || !better || tries == kMostTries ||
-        asked.gap_um < SectionGoal{}.min_gap_um) {
-      break;
-    }
+  int tries = 0;
+  const auto next = [&](const Try* before) {
+    if (before) asked.gap_um = before->gap_um() * kThinner;
+    ++tries;
+    return std::make_unique<Try>(target, asked, context, every, hold_off);
+  };
+  std::unique_ptr<Try> best = next(nullptr);
+  if (setup.gap_um > 0) {
+    best->find();
+    return best;
   }
+  const double first_um = best->gap_um();
+  // Whether a thinner one did no better.
+  bool thinnest = false;
+  const auto thin_out = [&](double few, const auto& look) {
+    Undercured left = look(*best);
+    while (left.more_than(few) && !thinnest && tries < kMostTries &&
+           best->gap_um() * kThinner >= SectionGoal{}.min_gap_um) {
+      auto now = next(best.get());
+      const Undercured thinner = look(*now);
+      thinnest = thinner.voxels >= left.voxels;
+      if (thinnest) break;
+      left = thinner;
+      best = std::move(now);
+    }
+    return left;
+  };
+  thin_out(kFewOfSome, [](const Try& now) { return now.undercured(); });
+  const Undercured left = thin_out(kFew, [](Try& now) {
+    now.find();
+    return now.undercured();
+  });
   if (best->gap_um() < first_um) {
     context.tell(fmt::format(
         "a dead zone of {:.4g} um comes out best where resin gels, but leaves features undercured; "
         "{:.4g} um is taken, which leaves {}",
         first_um, best->gap_um(),
-        best->undercured == 0 ? std::string("none") : fmt::format("{} voxels", best->undercured)));
+        left.voxels == 0
+            ? std::string("none")
+            : fmt::format("{} of {} voxels that were looked at", left.voxels, left.of)));
   }
   return best;
 }
@@ -161,7 +199,7 @@ Process light_that_prints(const SliceSource& target, const Setup& setup,
     best = best_gap(target, asked, context, every, share);
     // What another share changes is the light, not the gap.
     asked.gap_um = best->gap_um();
-    const Setup with{setup.printer, setup.resin, best->process, best->gap_um()};
+    const Setup with{setup.printer, setup.resin, best->process(), best->gap_um()};
     first = follow_first_slices(target, FlowPixels::coverage, with, context);
     if (!first.sticks || !patterned) break;
   }
@@ -175,10 +213,10 @@ Process light_that_prints(const SliceSource& target, const Setup& setup,
                   100 * kHeldOff.back())
             : std::string()));
   }
-  check_left_alone(target, setup, best->process, context);
-  best->finder.tell(best->process);
+  check_left_alone(target, setup, best->process(), context);
+  best->tell();
   context.tell(first.in_words());
-  return best->process;
+  return best->process();
 }
 
 }  // namespace

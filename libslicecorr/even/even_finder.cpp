@@ -107,7 +107,7 @@ EvenFinder::EvenFinder(const SliceSource& target, const Setup& setup,
   if (goal_.pattern == FlowPattern::constant) rounds_ = 1;
 }
 
-Process EvenFinder::find() {
+Process EvenFinder::guess() {
   const std::vector<int> first = design_.slices_of(every_);
   if (first.empty()) {
     throw InputError(fmt::format(
@@ -117,9 +117,12 @@ Process EvenFinder::find() {
   }
   set_most_slices(first);
   Process process = process_of(starting_light(first));
-  process = process_of(guessed_light(planned(process)));
-  // Where resin sticks with the light of `process`; nothing where that was not looked at yet.
-  std::optional<std::vector<int>> last;
+  return process_of(guessed_light(planned(process)));
+}
+
+Process EvenFinder::find(Process process) {
+  // Where resin sticks with the light of `process`, as far as that was looked at.
+  std::vector<int> last;
   for (int round = 0; round < rounds_; ++round) {
     Look look = mend(planned(process), round);
     if (!look.sought) {
@@ -131,7 +134,8 @@ Process EvenFinder::find() {
   if (goal_.pattern == FlowPattern::constant) return process;
   for (std::size_t most = found_.slices.size() / kFew;;) {
     const Setup setup = planned(process);
-    const std::vector<int> sticks = last ? *std::exchange(last, std::nullopt) : sticking(setup);
+    // That it sticks nowhere is believed of the images alone that will be shown.
+    const std::vector<int> sticks = last.empty() ? sticking(setup) : std::exchange(last, {});
     if (sticks.empty()) return process;
     const bool few = sticks.size() <= most;
     if (!few) given_up_ = sticks.size();
@@ -283,7 +287,7 @@ EvenFinder::Found EvenFinder::guessed_light(const Setup& setup) {
 EvenFinder::Look EvenFinder::mend(const Setup& setup, int round) {
   const bool all = round == 0;
   const std::vector<int> slices = all ? found_.slices : judged_slices(*setup.process.even_light);
-  const KeptImages images = solved_images(target_, setup, slices, alone_);
+  const KeptImages images = nearly_solved_images(target_, setup, slices, alone_);
   const EvenSections sections(LitPart(target_, images), setup, cells(), alone_);
   const FlowGrid& grid = sections.part().grid();
   struct Mended {

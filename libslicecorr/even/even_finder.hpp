@@ -26,8 +26,10 @@ class EvenFinder {
   /// window; > 0.
   EvenFinder(const SliceSource& target, const Setup& setup, const ExecutionContext& context,
              int every, double hold_off);
-  /// The process of the setup with its light.
-  Process find();
+  /// The process with light for images that are guessed, which takes no solve: a first step of `find`.
+  Process guess();
+  /// The process of the setup with its light; `guessed`: what `guess` gave.
+  Process find(Process guessed);
   /// Tells gap, slices and caps through the context.
   void tell(const Process& process) const;
 

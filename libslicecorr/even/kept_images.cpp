@@ -4,6 +4,8 @@
 #include "even/kept_images.hpp"
 
 #include <algorithm>
+#include <atomic>
+#include <memory>
 
 #include "bands/bands.hpp"
 #include "bands/correct_group.hpp"
@@ -67,9 +69,50 @@ void KeptImages::read_band(const PixelBox& box, const Sink& sink) const {
   }
 }
 
-KeptImages solved_images(const SliceSource& target, const Setup& setup,
-                         const std::vector<int>& whole, const ExecutionContext& context) {
-  const PlacePlans plans(target, setup, context);
+namespace {
+
+/// A target of which one column in so many across and down is left.
+class SomeColumns final : public SliceSource {
+ public:
+  SomeColumns(const SliceSource& whole, int every) : whole_(whole), every_(every) {
+    if (whole.edge_heights())
+      heights_ = std::make_unique<SomeColumns>(*whole.edge_heights(), every);
+    if (whole.left_alone()) left_alone_ = std::make_unique<SomeColumns>(*whole.left_alone(), every);
+  }
+  const Grid& grid() const override { return whole_.grid(); }
+  PixelBox bounds() const override { return whole_.bounds(); }
+  ImageFrame frame() const override { return whole_.frame(); }
+  LayerHeights heights() const override { return whole_.heights(); }
+  const SliceSource* edge_heights() const override { return heights_.get(); }
+  const SliceSource* left_alone() const override { return left_alone_.get(); }
+  bool ends_below_last_node() const override { return whole_.ends_below_last_node(); }
+  const DoseTarget* doses() const override { return whole_.doses(); }
+  void read_band(const PixelBox& band, const Sink& sink) const override {
+    std::vector<std::uint8_t> some(columns_of(band), 0);
+    const int y0 = (band.y0 + every_ - 1) / every_ * every_;
+    const int x0 = (band.x0 + every_ - 1) / every_ * every_;
+    whole_.read_band(band, [&](int n, const std::uint8_t* rows) {
+      if (!rows) return sink(n, nullptr);
+      for (int y = y0; y < band.y1; y += every_) {
+        const std::size_t row =
+            static_cast<std::size_t>(y - band.y0) * static_cast<std::size_t>(band.width());
+        for (int x = x0; x < band.x1; x += every_) {
+          const std::size_t at = row + static_cast<std::size_t>(x - band.x0);
+          some[at] = rows[at];
+        }
+      }
+      sink(n, some.data());
+    });
+  }
+
+ private:
+  const SliceSource& whole_;
+  int every_;
+  std::unique_ptr<SomeColumns> heights_, left_alone_;
+};
+
+KeptImages images_of(const SliceSource& target, const PlacePlans& plans,
+                     const std::vector<int>& whole, const ExecutionContext& context) {
   const auto bands = bands_of(target.grid(), target.bounds());
   KeptImages images(target, whole, bands);
   parallel_for(context, "try the light", bands.size(), [&](std::size_t i) {
@@ -78,6 +121,43 @@ KeptImages solved_images(const SliceSource& target, const Setup& setup,
         [&](int n, const std::uint8_t* pixels) { images.put(i, n, pixels); }, context);
   });
   return images;
+}
+
+}  // namespace
+
+KeptImages solved_images(const SliceSource& target, const Setup& setup,
+                         const std::vector<int>& whole, const ExecutionContext& context) {
+  return images_of(target, PlacePlans(target, setup, context), whole, context);
+}
+
+KeptImages nearly_solved_images(const SliceSource& target, const Setup& setup,
+                                const std::vector<int>& whole, const ExecutionContext& context) {
+  PlacePlans plans(target, setup, context);
+  plans.keep_as_planned();
+  return images_of(target, plans, whole, context);
+}
+
+Undercured undercured_by(const SliceSource& target, const Setup& setup, int every,
+                         const ExecutionContext& context) {
+  const SomeColumns some(target, every);
+  const PlacePlans plans(some, setup, context);
+  const auto bands = bands_of(target.grid(), target.bounds());
+  std::atomic<std::uint64_t> voxels{0}, of{0};
+  parallel_for(context, "try the light", bands.size(), [&](std::size_t i) {
+    DesignBand(some, plans.models().map(), bands[i])
+        .each(
+            plans.all_layers(),
+            [&](const DesignGroup& group, const PutRows& put_rows) {
+              BandPredictor after(plans.plan(group.value).model, plans.models().curve(group.value),
+                                  plans.all_layers(), group.columns);
+              correct_group(plans, group, {.put = put_rows, .after = &after}, context);
+              const Prediction here = after.finish(group.place);
+              voxels += here.undercure_voxels;
+              of += here.target_voxels;
+            },
+            [](int, const std::uint8_t*) {});
+  });
+  return {voxels, of};
 }
 
 }  // namespace slicecorr::detail

@@ -45,4 +45,22 @@ class KeptImages final : public SliceSource {
 KeptImages solved_images(const SliceSource& target, const Setup& setup,
                          const std::vector<int>& whole, const ExecutionContext& context);
 
+/// Nearly the same in a third of the time: columns keep what was planned, with their edges brought to their
+/// places (`InhibitedTuning::as_planned`).
+KeptImages nearly_solved_images(const SliceSource& target, const Setup& setup,
+                                const std::vector<int>& whole, const ExecutionContext& context);
+
+/// Voxels of coverage 1 that light leaves unprinted.
+struct Undercured {
+  std::uint64_t voxels = 0, of = 0;
+  bool more_than(double share) const {
+    return static_cast<double>(voxels) > share * static_cast<double>(of);
+  }
+};
+
+/// What `correct_stack` leaves unprinted with the even light of a setup, in one column of so many across and
+/// down (`every`, 1 or more). Throws as it does.
+Undercured undercured_by(const SliceSource& target, const Setup& setup, int every,
+                         const ExecutionContext& context);
+
 }  // namespace slicecorr::detail

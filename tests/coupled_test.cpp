@@ -7,283 +7,23 @@
 
 #include <gtest/gtest.h>
 
-#include <array>
+#include <algorithm>
 #include <atomic>
 #include <cmath>
-#include <cstdlib>
+#include <cstdint>
 #include <memory>
 #include <random>
+#include <utility>
+#include <vector>
 
+#include "coupled_sums.hpp"
 #include "models.hpp"
 #include "slicecorr/error.hpp"
 
-namespace slicecorr {
+namespace slicecorr::test::together {
 namespace {
 
-using detail::CoupledCorrection;
-using detail::CoupledOptions;
-using detail::LightBlur;
 using detail::Miss;
-using detail::SliceScatter;
-
-constexpr double kPixelUm = 50, kLayerUm = 50;
-
-/// Voxels of a small design, layer by layer, row by row.
-struct Design {
-  int width, height, layers;
-  std::vector<std::uint8_t> coverage;
-  Design(int w, int h, int n)
-      : width(w), height(h), layers(n), coverage(static_cast<std::size_t>(w * h * n), 0) {}
-  std::size_t at(int x, int y, int n) const {
-    return static_cast<std::size_t>((n * height + y) * width + x);
-  }
-  void fill(const PixelBox& box, int first, int past, std::uint8_t value) {
-    for (int n = first; n < past; ++n) {
-      for (int y = box.y0; y < box.y1; ++y) {
-        for (int x = box.x0; x < box.x1; ++x) coverage[at(x, y, n)] = value;
-      }
-    }
-  }
-  /// Shown as it is: a support.
-  std::vector<std::uint8_t> left_alone;
-  void leave_alone(const PixelBox& box, int first, int past, std::uint8_t pixel) {
-    left_alone.resize(coverage.size(), 0);
-    for (int n = first; n < past; ++n) {
-      for (int y = box.y0; y < box.y1; ++y) {
-        for (int x = box.x0; x < box.x1; ++x) {
-          coverage[at(x, y, n)] = 0;
-          left_alone[at(x, y, n)] = pixel;
-        }
-      }
-    }
-  }
-  std::uint8_t left(int x, int y, int n) const {
-    return !left_alone.empty() && n < layers && x >= 0 && y >= 0 && x < width && y < height
-               ? left_alone[at(x, y, n)]
-               : 0;
-  }
-  std::uint8_t of(int x, int y, int n) const {
-    return n < layers && x >= 0 && y >= 0 && x < width && y < height ? coverage[at(x, y, n)] : 0;
-  }
-};
-
-struct Setting {
-  double sigma_px = 0.8, kappa = 0, margin = 0;
-  int rounds = 8, threads = 2, patch_px = 32;
-  /// Pixels of the display around the design.
-  int border = 0;
-  /// Light falls to this share along x; 1: even.
-  double uneven = 1;
-  double share_at(int x) const { return 1 - (1 - uneven) * std::clamp(x / 40.0, 0.0, 1.0); }
-  bool hand_on = true;
-};
-
-LightSpread spread_of(double sigma_px) { return {{{sigma_px * kPixelUm, 1}}, std::nullopt}; }
-
-CorrectionPlan plan_of(const Design& design, const CureModel& model) {
-  const int last = design.layers - 1;
-  return {model, test::process(1000), design.layers, slices_with_burst(model, design.layers, last)};
-}
-
-CoupledCorrection::DesignReader reader_of(const Design& design) {
-  return [&design](const PixelBox& box, const CoupledCorrection::LayerSink& sink) {
-    std::vector<std::uint8_t> rows, left;
-    for (int n = 0; n < design.layers; ++n) {
-      rows.clear();
-      left.clear();
-      for (int y = box.y0; y < box.y1; ++y) {
-        for (int x = box.x0; x < box.x1; ++x) {
-          rows.push_back(design.of(x, y, n));
-          left.push_back(design.left(x, y, n));
-        }
-      }
-      sink(n, rows.data(), nullptr, design.left_alone.empty() ? nullptr : left.data());
-    }
-  };
-}
-
-CoupledOptions options_of(const Setting& setting) {
-  CoupledOptions options{setting.rounds, setting.margin, setting.patch_px, {}, setting.hand_on};
-  if (setting.uneven == 1) return options;
-  options.shares = [setting](const PixelBox& box, double* shares) {
-    for (int y = box.y0; y < box.y1; ++y) {
-      for (int x = box.x0; x < box.x1; ++x) *shares++ = setting.share_at(x);
-    }
-  };
-  return options;
-}
-
-/// Each column with the light of its place.
-detail::CodedBand columns_alone(const Design& design, const CorrectionPlan& plan,
-                                const Setting& setting, const PixelBox& box) {
-  std::vector<std::vector<std::uint8_t>> columns;
-  for (int y = box.y0; y < box.y1; ++y) {
-    for (int x = box.x0; x < box.x1; ++x) {
-      CureModel model = plan.model;
-      for (double& phi : model.level_phi) phi *= setting.share_at(x);
-      std::vector<std::uint8_t> coverage;
-      for (int n = 0; n < design.layers; ++n) coverage.push_back(design.of(x, y, n));
-      columns.push_back(
-          solve_column({model, test::process(1000), design.layers, plan.all_layers}, coverage));
-    }
-  }
-  detail::CodedBand band(columns.size());
-  std::vector<std::uint8_t> row(columns.size());
-  for (int n = plan.all_layers; n-- > 0;) {
-    for (std::size_t k = 0; k < row.size(); ++k) {
-      row[k] = columns[k][static_cast<std::size_t>(n)];
-    }
-    band.append(row.data());
-  }
-  return band;
-}
-
-class Coupled {
- public:
-  Coupled(const Design& design, const CorrectionPlan& plan, const Setting& setting)
-      : blur_(spread_of(setting.sigma_px), kPixelUm, kPixelUm),
-        scatter_(setting.kappa, kLayerUm, kPixelUm, kPixelUm),
-        correction_(plan, blur_, scatter_, {0, 0, design.width, design.height},
-                    {-setting.border, -setting.border, design.width + setting.border,
-                     design.height + setting.border},
-                    options_of(setting)),
-        slices_(plan.all_layers),
-        size_(static_cast<std::size_t>(design.width * design.height)) {
-    context_.threads = setting.threads;
-    const auto alone = [&](const PixelBox& box) {
-      return columns_alone(design, plan, setting, box);
-    };
-    correction_.solve_columns(reader_of(design), !design.left_alone.empty(), context_,
-                              setting.uneven == 1 ? CoupledCorrection::ColumnLevels{} : alone);
-  }
-  CoupledCorrection* operator->() { return &correction_; }
-  const ExecutionContext& context() const { return context_; }
-  void run() {
-    while (correction_.improve(context_)) {
-    }
-  }
-  /// Levels, the first slice first.
-  std::vector<std::uint8_t> levels(const Design& design) const {
-    std::vector<std::uint8_t> all(size_ * static_cast<std::size_t>(slices_));
-    correction_.read({0, 0, design.width, design.height}, [&](int n, const std::uint8_t* slice) {
-      if (slice) {
-        std::copy_n(slice, size_, all.data() + size_ * static_cast<std::size_t>(n));
-      }
-    });
-    return all;
-  }
-
- private:
-  LightBlur blur_;
-  SliceScatter scatter_;
-  CoupledCorrection correction_;
-  ExecutionContext context_;
-  int slices_;
-  std::size_t size_;
-};
-
-/// The share of a pixel's light that falls `x` pixels further, along one axis.
-double share(int x, double sigma_px) {
-  if (sigma_px <= 0) return x == 0 ? 1 : 0;
-  const double scale = sigma_px * std::sqrt(2.0);
-  return (std::erf((x + 0.5) / scale) - std::erf((x - 0.5) / scale)) / 2;
-}
-
-/// What is wrong in the design and around it, `border` pixels wide, by direct sums over the images.
-struct Direct {
-  std::uint64_t through = 0, under = 0, parted = 0;
-  double loss = 0;
-  std::vector<double> middle;  ///< of the layers, with the border
-};
-Direct judge(const Design& design, const CorrectionPlan& plan,
-             const std::vector<std::uint8_t>& levels, const Setting& setting) {
-  const int b = setting.border, w = design.width + 2 * b, h = design.height + 2 * b;
-  const auto size = static_cast<std::size_t>(w * h);
-  const double hs = plan.model.eta;
-  const double a = std::pow(10, -hs), root_a = std::pow(10, -hs / 2), m = plan.model.m;
-  const bool layerwise = plan.model.mode == ExposureMode::layerwise;
-  // Scatter of a slice as three weights per axis; its variance is kappa times the slice's height.
-  const double k = setting.kappa * kLayerUm / (2 * kPixelUm * kPixelUm);
-  Direct direct;
-  std::vector<double> light(size), rows(size), dose(size, 0), scattered(size);
-  const auto scatter = [&](const std::vector<double>& in, std::vector<double>& out) {
-    const auto get = [&](const std::vector<double>& f, int x, int y) {
-      return x >= 0 && y >= 0 && x < w && y < h ? f[static_cast<std::size_t>(y * w + x)] : 0.0;
-    };
-    for (int y = 0; y < h; ++y) {
-      for (int x = 0; x < w; ++x) {
-        rows[static_cast<std::size_t>(y * w + x)] =
-            (1 - 2 * k) * get(in, x, y) + k * (get(in, x - 1, y) + get(in, x + 1, y));
-      }
-    }
-    for (int y = 0; y < h; ++y) {
-      for (int x = 0; x < w; ++x) {
-        out[static_cast<std::size_t>(y * w + x)] =
-            (1 - 2 * k) * get(rows, x, y) + k * (get(rows, x, y - 1) + get(rows, x, y + 1));
-      }
-    }
-  };
-  direct.middle.resize(size * static_cast<std::size_t>(plan.all_layers));
-  const int reach = static_cast<int>(std::ceil(6 * setting.sigma_px)) + 1;
-  std::vector<double> shares;
-  for (int x = 0; x <= reach; ++x) shares.push_back(share(x, setting.sigma_px));
-  std::array<double, 256> shine_of{};
-  for (int l = 0; l < plan.levels.size(); ++l) {
-    shine_of[static_cast<std::size_t>(l)] = std::pow(plan.levels.phi(l), 1 / m);
-  }
-  for (int n = plan.all_layers; n-- > 0;) {
-    const auto shine = [&](int x, int y) {
-      const bool inside = x >= b && y >= b && x < w - b && y < h - b;
-      const auto i = static_cast<std::size_t>((n * design.height + y - b) * design.width + x - b);
-      return shine_of[inside ? levels[i] : 0] * std::pow(setting.share_at(x - b), 1 / m);
-    };
-    std::vector<double> across(size);
-    for (int y = 0; y < h; ++y) {
-      for (int x = 0; x < w; ++x) {
-        double& sum = across[static_cast<std::size_t>(y * w + x)] = 0;
-        for (int i = std::max(0, x - reach); i <= std::min(w - 1, x + reach); ++i) {
-          sum += shares[static_cast<std::size_t>(std::abs(i - x))] * shine(i, y);
-        }
-      }
-    }
-    for (int y = 0; y < h; ++y) {
-      for (int x = 0; x < w; ++x) {
-        double sum = 0;
-        for (int j = std::max(0, y - reach); j <= std::min(h - 1, y + reach); ++j) {
-          sum += shares[static_cast<std::size_t>(std::abs(j - y))] *
-                 across[static_cast<std::size_t>(j * w + x)];
-        }
-        light[static_cast<std::size_t>(y * w + x)] = std::pow(sum, m);
-      }
-    }
-    scatter(dose, scattered);
-    for (int y = 0; y < h; ++y) {
-      for (int x = 0; x < w; ++x) {
-        const auto i = static_cast<std::size_t>(y * w + x);
-        double next = (1 - a) * light[i] + a * scattered[i];
-        double middle = (next + root_a * dose[i]) / (1 + root_a);
-        if (layerwise) {
-          // From inside the layer: what slice n and later ones leave at its window, on its way up.
-          const double window = plan.model.ratio(n) * light[i] + scattered[i];
-          next = a * window;
-          middle = root_a * window;
-        }
-        dose[i] = next;
-        direct.middle[static_cast<std::size_t>(n) * size + i] = middle;
-        const int cover = design.left(x - b, y - b, n) ? 128 : design.of(x - b, y - b, n);
-        if (cover == 255 && middle < 1) ++direct.under;
-        const bool holds = n == 0 || design.of(x - b, y - b, n - 1) == 255;
-        direct.parted += layerwise && cover == 255 && holds && middle >= 1 && next < 1;
-        if (cover == 255) direct.loss += std::pow(std::max(0.0, 1 - next), 2) / 2;
-        if (cover == 0 && middle >= 1) {
-          ++direct.through;
-          direct.loss += std::pow(middle - 1, 2) / 2;
-        }
-      }
-    }
-  }
-  return direct;
-}
 
 /// A single image: no slice sees another one's light.
 CureModel image_model(double phi_min, double phi_max) {
@@ -434,14 +174,13 @@ TEST(Coupled, IsNeverWorseThanColumnsAlone) {
 }
 
 TEST(Coupled, CornersOfTheEndGetTheSlicesThatTheyNeed) {
-  const SliceScatter none;
   const auto slices = [](const CureModel& model, double phi) {
     return static_cast<int>(std::ceil(std::log10(phi / (phi - 1)) / model.eta - 1e-9));
   };
   for (const double exposure : {500.0, 1000.0, 2000.0}) {
     const CureModel model = test::figure_2_2(exposure);
     const int most = static_cast<int>(std::ceil(1 / model.eta));
-    EXPECT_EQ(detail::slices_to_gel_at_edges(model, {}, none), model.slices_to_gel());
+    EXPECT_EQ(detail::slices_to_gel_at_edges(model, {}), model.slices_to_gel());
     for (const double sigma_px : {0.3, 0.8, 1.5}) {
       const LightBlur blur(spread_of(sigma_px), kPixelUm, kPixelUm);
       // What the middle of a pixel gets from one side, itself included.
@@ -454,7 +193,7 @@ TEST(Coupled, CornersOfTheEndGetTheSlicesThatTheyNeed) {
         if (light(part) > 1)
           expected = std::max(expected, std::min(most, slices(model, light(part))));
       }
-      EXPECT_EQ(detail::slices_to_gel_at_edges(model, blur, none), expected) << sigma_px;
+      EXPECT_EQ(detail::slices_to_gel_at_edges(model, blur), expected) << sigma_px;
     }
   }
 }
@@ -464,7 +203,7 @@ TEST(Coupled, EdgesOfTheEndCureBetterWithTheSlicesThatTheyNeed) {
   design.fill({6, 6, 24, 24}, 0, 24, 255);
   const CureModel model = test::figure_2_2();
   const LightBlur blur(spread_of(1.5), kPixelUm, kPixelUm);
-  const int edges = detail::slices_to_gel_at_edges(model, blur, {});
+  const int edges = detail::slices_to_gel_at_edges(model, blur);
   ASSERT_GT(edges, model.slices_to_gel());
   std::uint64_t under[2];
   double loss[2];
@@ -521,11 +260,12 @@ TEST(Coupled, TakesLightThatGoesFarAndLightThatGoesOneWay) {
       std::make_shared<const std::vector<std::uint8_t>>(std::vector<std::uint8_t>{0, 200, 50})};
   const LightSpread spreads[] = {{{{30, 0.9}, {300, 0.1}}, std::nullopt}, {{}, right}, {}};
   for (const LightSpread& spread : spreads) {
-    const LightBlur blur(spread, kPixelUm, kPixelUm);
-    const SliceScatter scatter(spread.none() ? 3 : 0, kLayerUm, kPixelUm, kPixelUm);
-    CoupledCorrection coupled(plan, blur, scatter, {0, 0, design.width, design.height},
+    const std::vector<DistanceBlur> distances = distances_of(model, spread, spread.none() ? 3 : 0);
+    const LightBlur blur =
+        distances.empty() ? LightBlur(spread, kPixelUm, kPixelUm) : distances.front().blur;
+    CoupledCorrection coupled(plan, blur, {0, 0, design.width, design.height},
                               {-2, -2, design.width + 2, design.height + 2},
-                              CoupledOptions{3, 0, 16});
+                              options_of({.rounds = 3, .patch_px = 16}, distances));
     coupled.solve_columns(reader_of(design), false, context);
     while (coupled.improve(context)) {
     }
@@ -736,4 +476,4 @@ TEST(Coupled, StopsWhenCancelled) {
 }
 
 }  // namespace
-}  // namespace slicecorr
+}  // namespace slicecorr::test::together

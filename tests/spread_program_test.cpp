@@ -118,7 +118,7 @@ TEST_F(SpreadProgram, FiguresAreThoseOfTheImagesSpread) {
   const auto judge = [&](const std::string& stack, bool scatters) {
     SCOPED_TRACE(stack);
     const json said = figures(stack, "target.uvj");
-    // What scatters is held against a fine grid by scattering_blur_test.
+    // What scatters is held against a fine grid by scatter_grid_test.
     if (scatters)
       return said["cure_through_voxels"].get<int>() + said["undercure_voxels"].get<int>();
     const Wrong sums = wrong_voxels(images(stack), target, 40 / kPixelUm);

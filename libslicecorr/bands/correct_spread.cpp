@@ -75,7 +75,7 @@ TogetherCorrected::TogetherCorrected(const SliceSource& target, const PlacePlans
                                      const ExecutionContext& context)
     : plans_(plans),
       light_(plans.models(), target.grid(), target.frame()),
-      coupled_(base_plan(plans), light_.blur(), light_.scatter(), target.bounds(), light_.display(),
+      coupled_(base_plan(plans), light_.blur(), target.bounds(), light_.display(),
                with_distances(options_of(rounds, plans, target.doses(), scratch_folder), light_)) {
   CoupledCorrection::ColumnLevels alone;
   if (!plans.even() || target.doses()) {

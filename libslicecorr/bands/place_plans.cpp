@@ -279,7 +279,7 @@ class PlaceCheck {
       }
       for (double& phi : of.level_phi) phi *= least;
       of.exposure_ratio.clear();
-      return slices_to_gel_at_edges(of, light->blur(), light->scatter(), light->distances());
+      return slices_to_gel_at_edges(of, light->blur(), light->distances());
     };
     if (map_.even()) return slices(model);
     // The dimmest place that is lit asks for the most.

@@ -54,9 +54,9 @@ void copy_common(const std::uint8_t* from, const PixelBox& from_box, std::uint8_
 }  // namespace
 
 CoupledCorrection::CoupledCorrection(const CorrectionPlan& columns, const LightBlur& blur,
-                                     const SliceScatter& scatter, const PixelBox& bounds,
-                                     const PixelBox& display, const CoupledOptions& options)
-    : plan_(columns, blur, scatter, display, options.margin, options.shares),
+                                     const PixelBox& bounds, const PixelBox& display,
+                                     const CoupledOptions& options)
+    : plan_(columns, blur, display, options.margin, options.shares),
       options_(options),
       bounds_(common(bounds, display)) {
   if (options.distances) plan_.scatter_by(*options.distances);

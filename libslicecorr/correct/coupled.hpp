@@ -86,11 +86,10 @@ struct CoupledRound {
 
 class CoupledCorrection {
  public:
-  /// Pixels in `bounds` may be lit; all others of `display` are black. The plan, blur and scatter
+  /// Pixels in `bounds` may be lit; all others of `display` are black. The plan and blur
   /// must outlive this. Throws as `CoupledPlan`.
-  CoupledCorrection(const CorrectionPlan& columns, const LightBlur& blur,
-                    const SliceScatter& scatter, const PixelBox& bounds, const PixelBox& display,
-                    const CoupledOptions& options = {});
+  CoupledCorrection(const CorrectionPlan& columns, const LightBlur& blur, const PixelBox& bounds,
+                    const PixelBox& display, const CoupledOptions& options = {});
   ~CoupledCorrection();
 
   /// Takes coverage, edge heights and what is left alone (null: none) of the next layer of a box of

@@ -203,7 +203,7 @@ class PatchField {
         shine_(place_.size(), 0),
         dose_(place_.size(), 0),
         seen_(plan.m == 1 && plan.bath == 0 ? 0 : place_.size(), 0),
-        scattered_(plan.scatters() ? place_.size() : 0, 0),
+        scattered_(plan.distances ? place_.size() : 0, 0),
         levels_(place_.size(), 0) {
     const PixelBox lit = PatchPlace::common(place_.shown, plan.display);
     share_ = intensity_shares(plan, place_, lit);
@@ -291,15 +291,7 @@ class PatchField {
       for (const int k : watched_) rouse(k);
     }
     expose(plan_.ratio(slice));
-    if (scattered_.empty()) return;
-    if (sums_) {
-      field_ = sums_->next();
-    } else {
-      field_.resize(pixels_of(place_.watched));
-      copy_watched(dose_, [](Real& from, double& to) { to = from; });
-      plan_.scatter.apply(field_.data(), place_.watched);
-    }
-    copy_watched(scattered_, [](Real& to, double& from) { to = static_cast<Real>(from); });
+    if (sums_) take_scattered(sums_->next());
   }
   /// From now on slices are exposed `ratio` times as long as normal ones.
   void expose(double ratio) {
@@ -514,12 +506,11 @@ class PatchField {
     plan_.blur.apply(in.data(), place_.shown, out.data(), place_.shown);
     rows([&](std::size_t at, std::size_t i) { light_[at] = static_cast<Real>(out[i]); });
   }
-  template <class Copy>
-  void copy_watched(std::vector<Real>& field, const Copy& copy) {
+  void take_scattered(const std::vector<double>& watched) {
     std::size_t k = 0;
     for (int y = place_.watched.y0; y < place_.watched.y1; ++y) {
       for (int x = place_.watched.x0; x < place_.watched.x1; ++x) {
-        copy(field[place_.at(x, y)], field_[k++]);
+        scattered_[place_.at(x, y)] = static_cast<Real>(watched[k++]);
       }
     }
   }
@@ -532,7 +523,6 @@ class PatchField {
   std::vector<double> depths_;         ///< of nodes, in layers; empty: layers are alike
   /// Where the bath ends: the light of the slices that are in it, the last one first.
   std::deque<std::shared_ptr<const std::vector<Real>>> held_;
-  std::vector<double> field_;
   /// Where light scatters by distance: the light of the slices that have been, and the one that was.
   std::optional<DistanceSums> sums_;
   PixelBox lit_{};

@@ -151,9 +151,8 @@ CoupledCorrection::Held CoupledCorrection::hold_in(const CureModel& weak, const 
   const CorrectionPlan& said = plan_.columns;
   const CorrectionPlan of_weak(weak, said.process, said.layers, said.all_layers),
       of_strong(strong, said.process, said.layers, said.all_layers);
-  const CoupledPlan weak_plan(of_weak, plan_.blur, plan_.scatter, plan_.display, plan_.margin,
-                              plan_.shares),
-      strong_plan(of_strong, plan_.blur, plan_.scatter, plan_.display, plan_.margin, plan_.shares);
+  const CoupledPlan weak_plan(of_weak, plan_.blur, plan_.display, plan_.margin, plan_.shares),
+      strong_plan(of_strong, plan_.blur, plan_.display, plan_.margin, plan_.shares);
   const CasePlans plans{plan_, weak_plan, strong_plan};
   const ExecutionContext quiet = silent(context);
   const auto count = [](const std::vector<CaseTrouble>& troubles) {

@@ -22,22 +22,15 @@ constexpr double kNearShare = 0.05;
 constexpr double kTryShare = 0.3;
 /// No choice looks further: pixels beyond are left to later slices and rounds.
 constexpr int kMostNear = 7;
-/// What of a dose beyond a halo may matter where doses are judged, and where light is chosen.
-constexpr double kJudgedShare = 1e-9, kChosenShare = 1e-2;
-
 /// With more levels than these the errors of rounding don't show in the plane.
 constexpr int kFewLevels = 16;
-/// Of light that scatters up to an edge, what is left out of its dose.
-constexpr double kEdgeShare = 1e-4;
 
 /// What lies in the middle of a box that is lit on some sides of it only.
 class LitPart {
  public:
-  LitPart(const CureModel& model, const LightBlur& blur, const SliceScatter& scatter,
-          const std::vector<DistanceBlur>& distances)
-      : model_(model), blur_(blur), scatter_(scatter), distances_(distances) {
-    int x = blur.reach_x() + scatter.halo_x(model.a, kEdgeShare),
-        y = blur.reach_y() + scatter.halo_y(model.a, kEdgeShare);
+  LitPart(const CureModel& model, const LightBlur& blur, const std::vector<DistanceBlur>& distances)
+      : model_(model), blur_(blur), distances_(distances) {
+    int x = blur.reach_x(), y = blur.reach_y();
     for (const DistanceBlur& d : distances) {
       x = std::max(x, d.blur.reach_x());
       y = std::max(y, d.blur.reach_y());
@@ -51,40 +44,35 @@ class LitPart {
     const double m = model_.m;
     const double full = std::pow(model_.phi_max(), 1 / m),
                  black = std::pow(model_.phi_min(), 1 / m);
-    std::vector<double> shown, light, dose;
+    std::vector<double> shown;
     for (int y = box_.y0; y < box_.y1; ++y) {
       for (int x = box_.x0; x < box_.x1; ++x) shown.push_back(lit(x, y) ? full : black);
     }
     if (!distances_.empty()) return slices_to_gel_by_distance(most, shown);
-    light = shown;
-    if (!blur_.none()) blur_.apply(shown.data(), box_, light.data(), box_);
-    for (double& v : light) v = m == 1 ? v : std::pow(std::max(0.0, v), m);
-    const std::size_t middle = light.size() / 2;
-    if (light[middle] <= 1) return 0;
-    dose.assign(light.size(), 0.0);
+    double light = 0, dose = 0;
+    blur_.apply(shown.data(), box_, &light, kMiddle);
+    light = m == 1 ? light : std::pow(std::max(0.0, light), m);
+    if (light <= 1) return 0;
     // Light of slices beyond the bath's end does nothing more.
     const int bath = model_.bath_slices;
     // Slices after the last one are as high as it.
     constexpr int last = std::numeric_limits<int>::max();
     for (int k = 1; k < most; ++k) {
       if (bath > 0 && k > bath) return 0;
-      if (!scatter_.none()) scatter_.apply(dose.data(), box_);
-      for (std::size_t i = 0; i < dose.size(); ++i) {
-        dose[i] = model_.step_in(last, light[i], dose[i]);
-      }
-      if (dose[middle] >= 1) return k;
+      dose = model_.step_in(last, light, dose);
+      if (dose >= 1) return k;
     }
     return most;
   }
 
  private:
+  static constexpr PixelBox kMiddle{0, 0, 1, 1};
   int slices_to_gel_by_distance(int most, const std::vector<double>& shown) const {
-    const PixelBox middle{0, 0, 1, 1};
     double dose = 0, all = 0;
     int gels = 0;
     for (const DistanceBlur& d : distances_) {
       double light = 0;
-      d.blur.apply(shown.data(), box_, &light, middle);
+      d.blur.apply(shown.data(), box_, &light, kMiddle);
       light = std::pow(std::max(0.0, light), model_.m);
       const double left = std::pow(model_.a, d.from);
       all += light * (d.to == kNoEnd ? left : left - std::pow(model_.a, d.to));
@@ -99,7 +87,6 @@ class LitPart {
 
   const CureModel& model_;
   const LightBlur& blur_;
-  const SliceScatter& scatter_;
   const std::vector<DistanceBlur>& distances_;
   PixelBox box_;
 };
@@ -111,13 +98,12 @@ int padded(int n) { return (n + kTapLanes - 1) / kTapLanes * kTapLanes; }
 bool can_couple(const CureModel& model) { return !model.inhibited() || can_couple_under_uv(model); }
 
 int slices_to_gel_at_edges(const CureModel& model, const LightBlur& blur,
-                           const SliceScatter& scatter,
                            const std::vector<DistanceBlur>& distances) {
   const int least = model.slices_to_gel();
-  if (blur.none() && scatter.none() && distances.empty()) return least;
+  if (blur.none() && distances.empty()) return least;
   const int most = std::max(
       least, static_cast<int>(std::ceil(1 / model.eta_of(std::numeric_limits<int>::max()))));
-  const LitPart part(model, blur, scatter, distances);
+  const LitPart part(model, blur, distances);
   int corners = 0, edges = 0;
   for (const int sx : {-1, 1}) {
     for (const int sy : {-1, 1}) {
@@ -157,11 +143,9 @@ void CoupledPlan::differ(UnevenUv its_uv) {
 }
 
 CoupledPlan::CoupledPlan(const CorrectionPlan& column_plan, const LightBlur& light_blur,
-                         const SliceScatter& slice_scatter, const PixelBox& display_box,
-                         double dose_margin, LightShares light_shares)
+                         const PixelBox& display_box, double dose_margin, LightShares light_shares)
     : columns(column_plan),
       blur(light_blur),
-      scatter(slice_scatter),
       display(display_box),
       shares(std::move(light_shares)),
       slices(column_plan.all_layers),
@@ -241,10 +225,8 @@ CoupledPlan::CoupledPlan(const CorrectionPlan& column_plan, const LightBlur& lig
           static_cast<float>(weight(x, y));
     }
   }
-  halo_x = scatter.halo_x(a, kJudgedShare);
-  halo_y = scatter.halo_y(a, kJudgedShare);
-  overlap_x = std::max(reach_x + 2 * near_x, scatter.halo_x(a, kChosenShare));
-  overlap_y = std::max(reach_y + 2 * near_y, scatter.halo_y(a, kChosenShare));
+  overlap_x = reach_x + 2 * near_x;
+  overlap_y = reach_y + 2 * near_y;
   fading = 1 - std::min(0.5, b);
   depth = std::clamp(static_cast<int>(std::ceil(std::log(0.05) / std::log(fading))), 1, 80);
 }

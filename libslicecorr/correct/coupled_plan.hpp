@@ -35,20 +35,18 @@ struct UnevenUv {
 };
 
 struct CoupledPlan {
-  /// `column_plan`: with UV light that is not patterned or without; throws `InputError` for others. Where
-  /// doses are no sums of light none may scatter. `display_box`: beyond it it is dark.
+  /// `column_plan`: with UV light that is not patterned or without; throws `InputError` for others.
+  /// `display_box`: beyond it it is dark.
   /// `dose_margin`: how far from 1 doses are aimed at; 0: as levels ask. `light_shares`: empty where
   /// light is even. All but the last three must outlive the plan.
   CoupledPlan(const CorrectionPlan& column_plan, const LightBlur& light_blur,
-              const SliceScatter& slice_scatter, const PixelBox& display_box, double dose_margin,
-              LightShares light_shares);
+              const PixelBox& display_box, double dose_margin, LightShares light_shares);
 
   const CorrectionPlan& columns;
   /// Where columns say which light they want; null where doses are sums of light.
   std::shared_ptr<const CoupledColumns> wants;
   const LightBlur& blur;
-  const SliceScatter& scatter;
-  /// How the light of each distance spreads where doses do not follow from slice to slice; null: they do.
+  /// How the light of each distance spreads where it scatters; null: doses follow from slice to slice.
   const std::vector<DistanceBlur>* distances = nullptr;
   PixelBox display;
   LightShares shares;
@@ -112,10 +110,9 @@ struct CoupledPlan {
   const DoseTarget* doses = nullptr;
   /// Lets columns that are solved again want doses; these must outlive the plan.
   void want(const DoseTarget& its_doses);
-  /// Lets light scatter by distances, which must outlive the plan; `light_blur` is that of the first, and
-  /// `slice_scatter` none.
+  /// Lets light scatter by distances, which must outlive the plan; `light_blur` is that of the first. Where
+  /// doses are no sums of light none may scatter.
   void scatter_by(const std::vector<DistanceBlur>& its_distances);
-  bool scatters() const { return distances || !scatter.none(); }
   /// Lets UV light differ from place to place.
   void differ(UnevenUv its_uv);
   UnevenUv uv{};
@@ -140,7 +137,7 @@ struct CoupledPlan {
 
   /// Pixels around a patch that are solved with it and thrown away, and those around judged ones
   /// whose doses scatter to them.
-  int overlap_x, overlap_y, halo_x, halo_y;
+  int overlap_x, overlap_y, halo_x = 0, halo_y = 0;
   /// How requests fade from the slice of a wrong voxel on to those below it, and how far they go.
   double fading;
   int depth;
@@ -149,9 +146,8 @@ struct CoupledPlan {
 /// Slices after the last layer of a part in which its corners cure, which get a part of the light
 /// only; where full light does not do for them, its straight edges. At least `slices_to_gel`, and
 /// no more than there are in an absorbance height, from beyond which a tenth of the light is left.
-/// `distances` as `CoupledPlan::distances`, empty: doses follow from slice to slice.
+/// `distances` as `CoupledPlan::distances`, empty: nothing scatters.
 int slices_to_gel_at_edges(const CureModel& model, const LightBlur& blur,
-                           const SliceScatter& scatter,
                            const std::vector<DistanceBlur>& distances = {});
 
 }  // namespace slicecorr::detail

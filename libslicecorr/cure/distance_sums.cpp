@@ -8,16 +8,14 @@
 #include <cstring>
 #include <utility>
 
+#include "cure/shown_slices.hpp"
+
 namespace slicecorr::detail {
 
 namespace {
 
 /// Distances of so few slices keep what they have spread.
 constexpr int kKeptSlices = 6;
-
-std::size_t area_of(const PixelBox& box) {
-  return static_cast<std::size_t>(box.width()) * static_cast<std::size_t>(box.height());
-}
 
 PixelBox shared(const PixelBox& a, const PixelBox& b) {
   PixelBox box{std::max(a.x0, b.x0), std::max(a.y0, b.y0), std::min(a.x1, b.x1),
@@ -28,7 +26,7 @@ PixelBox shared(const PixelBox& a, const PixelBox& b) {
 }  // namespace
 
 DistanceSums::DistanceSums(const std::vector<DistanceBlur>& blurs, Scene scene)
-    : scene_(std::move(scene)), left_(area_of(scene_.window), 0.0) {
+    : scene_(std::move(scene)), left_(columns_of(scene_.window), 0.0) {
   for (std::size_t k = 1; k < blurs.size(); ++k) {
     const DistanceBlur& of = blurs[k];
     distances_.push_back({&of, {}, {}, {}, std::vector<double>(left_.size(), 0.0)});
@@ -151,8 +149,8 @@ const DistanceSums::Field& DistanceSums::spread(const DistanceBlur& of, Spread& 
   auto light = spread.light ? std::make_shared<std::vector<double>>(*spread.light)
                             : std::make_shared<std::vector<double>>(left_.size());
   const PixelBox from = shared(scene_.display, grown(to));
-  in_.resize(area_of(from));
-  out_.resize(area_of(to));
+  in_.resize(columns_of(from));
+  out_.resize(columns_of(to));
   scene_.shine(image.get(), from, in_.data());
   of.blur.apply(in_.data(), from, out_.data(), to);
   if (scene_.m != 1) {

@@ -24,7 +24,7 @@
 #include <utility>
 #include <vector>
 
-#include "cure/light_spread.hpp"
+#include "cure/distance_blurs.hpp"
 #include "slicecorr/grid.hpp"
 
 namespace slicecorr::detail {

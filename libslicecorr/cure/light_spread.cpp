@@ -75,10 +75,6 @@ void full_sum(const double* first, std::ptrdiff_t stride, const double* taps, in
   }
 }
 
-std::size_t size_of(const PixelBox& box) {
-  return static_cast<std::size_t>(box.width()) * static_cast<std::size_t>(box.height());
-}
-
 /// Copies row `y`, columns from `x0` on, of a field over `from` to `row`; 0 outside of it. False
 /// where all of it is outside.
 bool take_row(const double* in, const PixelBox& from, int y, int x0, double* row, int count) {
@@ -234,27 +230,22 @@ LightBlur::LightBlur(const LightSpread& spread, double pixel_x_um, double pixel_
     }
   }
   for (double& w : weights) w /= sum;
-  take(std::move(weights));
+  *this = of_weights(weights, reach_x_, reach_y_);
 }
 
-void LightBlur::take(std::vector<double> weights) {
-  // A pixel takes from the one at +i what that one sends to -i.
-  measured_.assign(weights.rbegin(), weights.rend());
-  measured_transposed_ = std::move(weights);
-}
-
-LightBlur LightBlur::of_weights(std::vector<double> weights, int reach_x, int reach_y) {
+LightBlur LightBlur::of_weights(const std::vector<double>& weights, int reach_x, int reach_y) {
   LightBlur blur;
   blur.reach_x_ = reach_x;
   blur.reach_y_ = reach_y;
-  blur.take(std::move(weights));
+  // A pixel takes from the one at +i what that one sends to -i.
+  blur.measured_.assign(weights.rbegin(), weights.rend());
   return blur;
 }
 
 void LightBlur::apply(const double* in, const PixelBox& from, double* out,
                       const PixelBox& to) const {
   if (to.empty()) return;
-  if (!measured_.empty()) return apply_measured(measured_, in, from, out, to);
+  if (!measured_.empty()) return apply_measured(in, from, out, to);
   const auto width = static_cast<std::size_t>(to.width());
   if (parts_.empty()) {
     for (int y = to.y0; y < to.y1; ++y, out += width) {
@@ -286,15 +277,8 @@ void LightBlur::apply(const double* in, const PixelBox& from, double* out,
   }
 }
 
-void LightBlur::apply_transposed(const double* in, const PixelBox& from, double* out,
-                                 const PixelBox& to) const {
-  // Gaussians are symmetric, and whatever the boxes, surroundings are 0.
-  if (measured_.empty()) return apply(in, from, out, to);
-  if (!to.empty()) apply_measured(measured_transposed_, in, from, out, to);
-}
-
-void LightBlur::apply_measured(const std::vector<double>& taps, const double* in,
-                               const PixelBox& from, double* out, const PixelBox& to) const {
+void LightBlur::apply_measured(const double* in, const PixelBox& from, double* out,
+                               const PixelBox& to) const {
   const auto width = static_cast<std::size_t>(to.width());
   const std::size_t stride = width + 2 * static_cast<std::size_t>(reach_x_);
   std::vector<double> padded(
@@ -305,109 +289,9 @@ void LightBlur::apply_measured(const std::vector<double>& taps, const double* in
   }
   for (int y = 0; y < to.height(); ++y) {
     full_sum(padded.data() + static_cast<std::size_t>(y) * stride,
-             static_cast<std::ptrdiff_t>(stride), taps.data(), 2 * reach_y_ + 1, 2 * reach_x_ + 1,
-             out + static_cast<std::size_t>(y) * width, width);
+             static_cast<std::ptrdiff_t>(stride), measured_.data(), 2 * reach_y_ + 1,
+             2 * reach_x_ + 1, out + static_cast<std::size_t>(y) * width, width);
   }
-}
-
-SliceScatter::SliceScatter(double scatter_um2_per_um, double slice_um, double pixel_x_um,
-                           double pixel_y_um) {
-  if (!(scatter_um2_per_um > 0)) return;
-  const double variance_um2 = scatter_um2_per_um * slice_um;
-  w_x_ = variance_um2 / (2 * pixel_x_um * pixel_x_um);
-  w_y_ = variance_um2 / (2 * pixel_y_um * pixel_y_um);
-  steps_ = std::max(1, static_cast<int>(std::ceil(4 * std::max(w_x_, w_y_))));
-  w_x_ /= steps_;
-  w_y_ /= steps_;
-}
-
-void SliceScatter::apply(double* field, const PixelBox& box) const {
-  if (none() || box.empty()) return;
-  const double taps_x[] = {1 - 2 * w_x_, w_x_}, taps_y[] = {1 - 2 * w_y_, w_y_};
-  const auto width = static_cast<std::size_t>(box.width());
-  const auto height = static_cast<std::size_t>(box.height());
-  std::vector<double> padded(width + 2), rows(3 * width);
-  for (int step = 0; step < steps_; ++step) {
-    // Three rows in a ring, spread along x: the one above, this and the one below.
-    const auto spread_row = [&](std::size_t y, double* row) {
-      if (y >= height) {
-        std::fill(row, row + width, 0.0);
-        return;
-      }
-      std::copy(field + y * width, field + (y + 1) * width, padded.begin() + 1);
-      symmetric_sum(padded.data() + 1, 1, taps_x, 1, row, width, false);
-    };
-    double *above = rows.data(), *here = above + width, *below = here + width;
-    std::fill(above, above + width, 0.0);
-    spread_row(0, here);
-    for (std::size_t y = 0; y < height; ++y) {
-      spread_row(y + 1, below);
-      double* out = field + y * width;
-      for (std::size_t x = 0; x < width; ++x) {
-        out[x] = taps_y[0] * here[x] + taps_y[1] * (above[x] + below[x]);
-      }
-      std::swap(above, here);
-      std::swap(here, below);
-    }
-  }
-}
-
-int SliceScatter::halo(double w, double kept, double share) const {
-  if (none()) return 0;
-  const double rise = std::expm1(-std::log(kept) / steps_) / (2 * w);
-  return static_cast<int>(std::ceil(-std::log(share) / std::acosh(1 + rise)));
-}
-
-SpreadDose::SpreadDose(const LightBlur& blur, const SliceScatter& scatter, double kept,
-                       const PixelBox& shown, const PixelBox& window)
-    : blur_(blur),
-      scatter_(scatter),
-      kept_(kept),
-      shown_(shown),
-      window_(window),
-      dose_(size_of(window)),
-      column_light_(size_of(window)) {}
-
-const std::vector<double>& SpreadDose::add(const double* light) {
-  if (light) {
-    blur_.apply(light, shown_, column_light_.data(), window_);
-  } else {
-    std::fill(column_light_.begin(), column_light_.end(), 0.0);
-  }
-  if (scatter_.none()) {
-    for (std::size_t i = 0; i < dose_.size(); ++i) {
-      dose_[i] = (1 - kept_) * column_light_[i] + kept_ * dose_[i];
-    }
-    return dose_;
-  }
-  below_ = dose_;
-  scatter_.apply(dose_.data(), window_);
-  const double gained = kept_ / (1 - kept_);
-  for (std::size_t i = 0; i < dose_.size(); ++i) {
-    const double scattered = dose_[i];
-    dose_[i] = (1 - kept_) * column_light_[i] + kept_ * scattered;
-    column_light_[i] += gained * (scattered - below_[i]);
-  }
-  return dose_;
-}
-
-SpreadDoseTransposed::SpreadDoseTransposed(const LightBlur& blur, const SliceScatter& scatter,
-                                           double kept, const PixelBox& shown,
-                                           const PixelBox& window)
-    : blur_(blur),
-      scatter_(scatter),
-      kept_(kept),
-      shown_(shown),
-      window_(window),
-      sum_(size_of(window)),
-      gradient_(size_of(shown)) {}
-
-const std::vector<double>& SpreadDoseTransposed::add(const double* weights) {
-  scatter_.apply(sum_.data(), window_);
-  for (std::size_t i = 0; i < sum_.size(); ++i) sum_[i] = weights[i] + kept_ * sum_[i];
-  blur_.apply_transposed(sum_.data(), window_, gradient_.data(), shown_);
-  for (double& g : gradient_) g *= 1 - kept_;
-  return gradient_;
 }
 
 }  // namespace slicecorr::detail

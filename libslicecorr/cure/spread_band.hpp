@@ -44,9 +44,7 @@ class SpreadLight {
   SpreadLight(const PlaceModels& models, const Grid& grid, const ImageFrame& frame);
 
   /// Light stays where it is.
-  bool none() const {
-    return blur_.none() && scatter_.none() && uv_blur_.none() && distances_.empty();
-  }
+  bool none() const { return blur_.none() && uv_blur_.none() && distances_.empty(); }
   /// Light from further away than this many pixels changes no dose, or by less than 1e-6 of it.
   int reach_x() const { return std::max(blur_.reach_x(), uv_blur_.reach_x()) + halo_x_; }
   int reach_y() const { return std::max(blur_.reach_y(), uv_blur_.reach_y()) + halo_y_; }
@@ -54,8 +52,6 @@ class SpreadLight {
   /// columns: of the display.
   PixelBox around(const PixelBox& box) const { return grown(box, reach_x(), reach_y()); }
   const LightBlur& blur() const { return blur_; }
-  /// None: `distances` says how light scatters.
-  const SliceScatter& scatter() const { return scatter_; }
   /// How the light of each distance spreads where it scatters; else empty. `blur` is that of the first.
   const std::vector<DistanceBlur>& distances() const { return distances_; }
   /// All pixels; beyond them it is dark.
@@ -78,7 +74,6 @@ class SpreadLight {
   PixelBox display_;
   std::optional<CureModel> own_model_;  ///< see `model`; nothing: that of the brightest place
   LightBlur blur_, uv_blur_;
-  SliceScatter scatter_;
   std::vector<DistanceBlur> distances_;
   int halo_x_ = 0, halo_y_ = 0;  ///< so far around a window doses matter, because they scatter
 };

@@ -10,14 +10,13 @@
 #include <cstddef>
 #include <vector>
 
-#include "cure/light_spread.hpp"
+#include "cure/distance_blurs.hpp"
 
 namespace slicecorr {
 namespace {
 
-using detail::LightBlur;
+using detail::DistanceBlur;
 using detail::ScatterWay;
-using detail::SliceScatter;
 using Field = std::vector<double>;
 
 /// Pixels of the plane, and cells along a pixel: an odd number, so that its middle is a cell's.
@@ -96,28 +95,26 @@ Field by_fine_steps(const ScatterWay& way, double sigma_um, int last) {
   return dose;
 }
 
-/// The same from slice to slice.
-Field by_slices(const LightBlur& blur, const ScatterWay& way, int last) {
-  const SliceScatter scatter(way.um2_per_um, way.slice_um, way.pixel_x_um, way.pixel_y_um);
+/// The same of slices by their distances.
+Field by_distances(const LightSpread& spread, const ScatterWay& way, int last) {
   // Light goes on as at the edges of the image.
   constexpr int far = 30;
-  const PixelBox box{-far, -far, kPixels + far, kPixels + far};
+  const PixelBox box{-far, -far, kPixels + far, kPixels + far}, image{0, 0, kPixels, kPixels};
   Field light;
   for (int y = box.y0; y < box.y1; ++y) {
     for (int x = box.x0; x < box.x1; ++x) {
       light.push_back(lit(std::clamp(x, 0, kPixels - 1), std::clamp(y, 0, kPixels - 1)) ? 1 : 0);
     }
   }
-  detail::SpreadDose dose(blur, scatter, std::exp(-way.slice_um / way.height_e_um), box, box);
-  const Field* node = nullptr;
-  for (int n = 0; n <= last; ++n) node = &dose.add(light.data());
-  Field inside;
-  for (int y = 0; y < kPixels; ++y) {
-    for (int x = 0; x < kPixels; ++x) {
-      inside.push_back((*node)[static_cast<std::size_t>((y + far) * box.width() + x + far)]);
-    }
+  Field dose(kPixels * kPixels, 0.0), seen(dose.size());
+  for (const DistanceBlur& d : detail::distance_blurs(spread, way, 0)) {
+    if (d.from > last) continue;
+    d.blur.apply(light.data(), box, seen.data(), image);
+    const double share = std::exp(-d.from * way.slice_um / way.height_e_um) -
+                         std::exp(-std::min(d.to, last + 1) * way.slice_um / way.height_e_um);
+    for (std::size_t i = 0; i < dose.size(); ++i) dose[i] += share * seen[i];
   }
-  return inside;
+  return dose;
 }
 
 /// The greatest difference in pixels away from the image's edges, beyond which it was made up.
@@ -147,55 +144,39 @@ std::vector<Case> cases() {
 // Cells of a 7th of a pixel: their edges lie in the middles between cells, and light that has diffused less
 // than a cell is a step as wide as one; of half of a step, a 14th of a pixel, times the slope of the light there,
 // at most 1 / (sqrt(2 pi) sigma), 7e-3 is left where sigma is a pixel's fifth or more, and nothing below.
-TEST(ScatteringBlur, BesideWallsDosesAreThoseOfTheDepths) {
+constexpr double kFineOff = 7e-3;
+// Distances that share a kernel are off by 2e-3 beside a straight edge at the most (distance_blurs), by twice that
+// where a corner and a line get it from two sides.
+constexpr double kOff = kFineOff + 2 * 2e-3;
+
+TEST(ScatterGrid, BesideWallsDosesAreThoseOfTheDepths) {
   for (const Case& c : cases()) {
     const LightSpread spread{{{c.sigma_um, 1}}, std::nullopt};
     const int slices = static_cast<int>(9 * c.way.height_e_um / c.way.slice_um);
     const Field fine = by_fine_steps(c.way, c.sigma_um, slices);
-    const Field told = by_slices(scattering_blur(spread, c.way), c.way, slices);
-    EXPECT_LE(greatest_difference(fine, told), 7e-3) << c.way.height_e_um;
+    EXPECT_LE(greatest_difference(fine, by_distances(spread, c.way, slices)), kOff)
+        << c.way.height_e_um;
   }
 }
 
-// Slices whose light is that of points, and which do not scatter in themselves, tell a quarter too little.
-TEST(ScatteringBlur, PointsThatDoNotScatterInTheirSliceAreNotEnough) {
-  const Case c = cases().front();
-  const Field fine = by_fine_steps(c.way, 0, 117), points = by_slices({}, c.way, 117);
-  const auto beside = static_cast<std::size_t>(5 * kPixels + 6);
-  EXPECT_LT(points[beside], 0.78 * fine[beside]);
-  const Field told = by_slices(scattering_blur({}, c.way), c.way, 117);
-  EXPECT_NEAR(told[beside], fine[beside], 7e-3);
-}
-
 // Below the end of a wall: slices from some distance on are dark.
-TEST(ScatteringBlur, BelowTheEndOfAWallDosesAreNear) {
+TEST(ScatterGrid, BelowTheEndOfAWallDosesAreThoseOfTheDepths) {
   for (const Case& c : cases()) {
     const LightSpread spread{{{c.sigma_um, 1}}, std::nullopt};
-    const LightBlur blur = scattering_blur(spread, c.way);
     for (const int last : {0, 3, 12}) {
       const Field fine = by_fine_steps(c.way, c.sigma_um, last);
-      // Twice what a straight wall's neighbour is off by: a corner and a line get it from two sides.
-      EXPECT_LE(greatest_difference(fine, by_slices(blur, c.way, last)), 2 * 0.016 + 7e-3) << last;
+      EXPECT_LE(greatest_difference(fine, by_distances(spread, c.way, last)), kOff)
+          << c.way.height_e_um << " " << last;
     }
   }
 }
 
-TEST(ScatteringBlur, IsTheBlurOfTheWindowWithoutScatter) {
-  const LightSpread spread{{{30, 0.7}, {80, 0.3}}, std::nullopt};
-  ScatterWay way{0, 650, 50, false, 50, 40};
-  const LightBlur blur = scattering_blur(spread, way), window(spread, 50, 40);
-  const PixelBox box{-12, -12, 13, 13};
-  Field a(625), b(625);
-  const double one = 1;
-  blur.apply(&one, {0, 0, 1, 1}, a.data(), box);
-  window.apply(&one, {0, 0, 1, 1}, b.data(), box);
-  EXPECT_EQ(a, b);
-  // What light there is stays, whatever scatters.
-  way.um2_per_um = 3;
-  scattering_blur(spread, way).apply(&one, {0, 0, 1, 1}, a.data(), {-12, -12, 13, 13});
-  double sum = 0;
-  for (const double v : a) sum += v;
-  EXPECT_NEAR(sum, 1, 1e-4);
+// So exactly they tell apart what scatters less.
+TEST(ScatterGrid, LessScatterIsAnotherDose) {
+  Case c = cases().front();
+  const Field fine = by_fine_steps(c.way, 0, 117);
+  c.way.um2_per_um = 0.7;
+  EXPECT_GT(greatest_difference(fine, by_distances({}, c.way, 117)), kOff);
 }
 
 }  // namespace

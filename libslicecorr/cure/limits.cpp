@@ -7,43 +7,30 @@
 
 #include <algorithm>
 #include <cmath>
-#include <optional>
 
 #include "cure/black_light.hpp"
-#include "cure/margin.hpp"
+#include "cure/limit_doses.hpp"
 #include "slicecorr/dose.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/gel_time.hpp"
 #include "slicecorr/inhibited.hpp"
 #include "slicecorr/light_unit.hpp"
-#include "slicecorr/limit.hpp"
 #include "slicecorr/units.hpp"
-#include "support/numbers/bracket.hpp"
 
 namespace slicecorr {
 
 namespace {
 
 using detail::alike_black;
-using detail::LitPlace;
+using detail::black_as_a_rule;
+using detail::Counts;
+using detail::gels;
+using detail::has_own_speeds;
+using detail::is_continuous;
+using detail::limit_doses;
+using detail::LimitDoses;
 using detail::most_black;
-
-// Limits are computed in another way than models are made. So far inside a limit (a share of it) both
-// agree.
-using detail::kMargin;
-
-bool is_continuous(const Process& process) { return process.mode == ExposureMode::continuous; }
-
-/// Whether slices go at speeds of their own and lamps stay as they are: the one speed of the process is
-/// then none of any slice.
-bool has_own_speeds(const Process& process) {
-  return is_continuous(process) && !process.slice_speed_mm_h.empty() &&
-         process.slice_lamps == SliceLamps::stay;
-}
-
-/// Which slices fail first: those that count for most where black gels, those that count for least where
-/// full light does not.
-enum class Counts { most, least };
+using detail::weakest_layer;
 
 std::string pace_in_words(const CureModel& model, const Process& process, Counts counts) {
   if (!is_continuous(process)) return fmt::format("exposed for {:g} s", process.exposure_s);
@@ -52,108 +39,6 @@ std::string pace_in_words(const CureModel& model, const Process& process, Counts
   const auto [least, most] = std::minmax_element(ratio.begin(), ratio.end());
   const auto slice = static_cast<int>((counts == Counts::most ? most : least) - ratio.begin());
   return fmt::format("in slice {}, at {:g} mm/h,", slice, slice_speed_mm_h(process, slice));
-}
-
-/// The speed, mm/h, that times a dose of `doses_of` is the speed at which that dose is 1: the process's,
-/// or that of all slices where they have their own.
-double pace_mm_h(const CureModel& model, const Process& process, Counts counts) {
-  if (!has_own_speeds(process)) return process.speed_mm_h;
-  // A lamp that fades counts, too.
-  double least_mm_h = std::numeric_limits<double>::infinity(), most_mm_h = 0;
-  for (int n = 0; n < static_cast<int>(model.exposure_ratio.size()); ++n) {
-    const double mm_h = model.ratio(n) * slice_speed_mm_h(process, n);
-    least_mm_h = std::min(least_mm_h, mm_h);
-    most_mm_h = std::max(most_mm_h, mm_h);
-  }
-  return counts == Counts::most ? most_mm_h / model.greatest_ratio()
-                                : least_mm_h / model.least_ratio();
-}
-
-/// What full light leaves of a normal exposure's dose at a layer's far edge.
-double leaves(const CureModel& model, int layer) { return model.ratio(layer) * model.a_of(layer); }
-
-/// The layer with the shortest exposure, or the highest for it: if it gels, all do.
-int weakest_layer(const CureModel& model) {
-  int weakest = 0;
-  const int own = static_cast<int>(std::max(model.exposure_ratio.size(), model.own_a.size()));
-  for (int n = 1; n < own; ++n) {
-    if (leaves(model, n) < leaves(model, weakest)) weakest = n;
-  }
-  return weakest;
-}
-
-/// The relative dose of lit pixels, which must be above 1 (layer by layer without UV: at least 1),
-/// and that of black, which must be below.
-struct Doses {
-  double lit = 0, black = 0;
-};
-Doses doses_of(const CureModel& model) {
-  if (model.inhibited()) {
-    const InhibitedKernel& kernel = *model.inhibited();
-    // A lamp that changes from slice to slice is weaker where a slice needs less.
-    const int s = kernel.strongest_setting();
-    const bool moving = model.mode == ExposureMode::continuous;
-    // Layer by layer a slice's share of the light counts, and not for how long it is shown.
-    const auto share = [&](int setting) {
-      return std::pow(std::min(1.0, kernel.blue_share(setting)), kernel.kinetics().m);
-    };
-    const int cap = kernel.highest_usable_level(s);
-    double lit = kernel.steady_dose(s, cap), black = kernel.steady_dose(0, 0);
-    if (!kernel.alike()) {
-      // The highest layers get least of full light, the lowest most of black, and most comes back at the platform.
-      std::vector<double> um = kernel.heights().um();
-      if (um.empty()) um.push_back(model.layer_um);
-      constexpr double far_um = 1e9;
-      for (const double height : um) {
-        lit = std::min(lit, kernel.steady_dose_at(s, cap, {height, far_um}));
-        black = std::max(black, kernel.steady_dose_at(0, 0, {height, 0}));
-      }
-    }
-    return {lit * (moving ? model.least_ratio() : share(s)),
-            black * (moving ? model.greatest_ratio() : 1.0)};
-  }
-  if (model.gel_time() && model.mode == ExposureMode::layerwise) {
-    const GelTimeKernel& kernel = *model.gel_time();
-    const int weakest = weakest_layer(model);
-    const double holds = model.lifts ? model.lifts->green_strength : 1.0;
-    return {kernel.dose_through_layer(kernel.level_mw_cm2(kernel.levels() - 1),
-                                      model.ratio(weakest), weakest, model.height(weakest)) /
-                holds,
-            most_black(model, model.exposure_ratio).dose};
-  }
-  if (model.mode == ExposureMode::layerwise) {
-    const int weakest = weakest_layer(model);
-    const double full = model.phi_max() * model.ratio(weakest);
-    const double holds = model.lifts ? model.lifts->green_strength : 1.0;
-    return {model.bleaching() ? full / model.bleaching()->after(holds, -model.height(weakest), 0.0)
-                              : full * model.a_of(weakest) / holds,
-            most_black(model, model.exposure_ratio).dose};
-  }
-  if (const GelTimeKernel* const kernel = model.gel_time()) {
-    // Slices count for no less than the least time and the least light of any, and for no more than the most.
-    Doses doses{std::numeric_limits<double>::infinity(), 0};
-    for (int n = 0; n <= static_cast<int>(model.exposure_ratio.size()); ++n) {
-      const double share = std::pow(kernel->root_share(n), 2), time = model.ratio(n) / share;
-      const double full = kernel->level_mw_cm2(kernel->levels() - 1) * share,
-                   black = kernel->level_mw_cm2(0) * share * model.returned(0);
-      doses.lit = std::min(doses.lit, time * detail::long_run_dose(model, full));
-      doses.black = std::max(doses.black, time * detail::long_run_dose(model, black));
-    }
-    return doses;
-  }
-  // Where slices count for more than others, whatever their order.
-  return {model.steady(model.phi_max()) * model.least_ratio(),
-          model.steady(model.phi_min()) * model.greatest_ratio() * model.returned(0)};
-}
-
-bool is_plain_layerwise(const CureModel& model) {
-  return model.mode == ExposureMode::layerwise && !model.inhibited();
-}
-
-/// Whether the dose of lit pixels is enough. Layer by layer an exposure of just the least time is
-/// feasible, so rounding is allowed for.
-bool gels(const CureModel& model, double lit_dose) {
-  return is_plain_layerwise(model) ? lit_dose >= 1.0 - 1e-12 : lit_dose > 1.0;
 }
 
 /// "layer 3, exposed for 1.5 s," where exposures differ.
@@ -178,14 +63,8 @@ std::string black_light(const Printer& printer) {
                      unit_of_light(printer.unit));
 }
 
-/// Whether black gels by the normal exposure already, not only by the longer ones of some layers.
-bool black_as_a_rule(const CureModel& model) {
-  const auto rule = static_cast<int>(model.exposure_ratio.size());
-  return model.ratio(rule) * alike_black(model) >= 1.0;
-}
-
 detail::Verdict inhibited_verdict(const CureModel& model, const Printer& printer,
-                                  const Process& process, const Doses& doses) {
+                                  const Process& process, const LimitDoses& doses) {
   detail::Verdict v;
   const InhibitedKernel& kernel = *model.inhibited();
   const std::vector<double> blue = level_intensities(printer);
@@ -249,7 +128,7 @@ detail::Verdict inhibited_verdict(const CureModel& model, const Printer& printer
 }
 
 /// What full light leaves of a critical dose at a layer's far edge, where it is least.
-double left_at_far_edge(const CureModel& model, const Doses& doses) {
+double left_at_far_edge(const CureModel& model, const LimitDoses& doses) {
   const int weakest = weakest_layer(model);
   return model.bleaching() ? model.bleaching()->after(model.phi_max() * model.ratio(weakest),
                                                       model.height(weakest), 0.0)
@@ -258,7 +137,7 @@ double left_at_far_edge(const CureModel& model, const Doses& doses) {
 }
 
 detail::Verdict layerwise_verdict(const CureModel& model, const Printer& printer,
-                                  const Process& process, const Doses& doses) {
+                                  const Process& process, const LimitDoses& doses) {
   detail::Verdict v;
   if (!gels(model, doses.lit)) {
     const std::string asks =
@@ -293,7 +172,7 @@ double least_depth_um(const CureModel& model, double phi) {
 }
 
 detail::Verdict continuous_verdict(const CureModel& model, const Printer& printer,
-                                   const Process& process, const Doses& doses) {
+                                   const Process& process, const LimitDoses& doses) {
   detail::Verdict v;
   const std::string pace = pace_in_words(model, process, Counts::least);
   const double phi = model.phi_max() * model.least_ratio();
@@ -321,257 +200,17 @@ detail::Verdict continuous_verdict(const CureModel& model, const Printer& printe
   return v;
 }
 
-/// Every exposure at most `most_s`.
-Process cut(Process p, double most_s) {
-  p.exposure_s = std::min(p.exposure_s, most_s);
-  p.bottom_exposure_s = std::min(p.bottom_exposure_s, most_s);
-  for (double& time_s : p.layer_exposure_s) time_s = std::min(time_s, most_s);
-  return p;
-}
-
-/// The longest exposure, s, that all layers may get so that black leaves the resin liquid.
-/// `normal_s`: the exposure that the model's phi' stands for. Infinite without light of black.
-double longest_alike_s(const CureModel& model, double normal_s) {
-  return model.phi_min() > 0 ? normal_s / alike_black(model)
-                             : std::numeric_limits<double>::infinity();
-}
-
-/// The same for the exposures of `process`, each cut to the result: a few layers may be exposed for
-/// longer than all of them may.
-double longest_for_black_s(const CureModel& model, const Process& process, double normal_s) {
-  const double alike_s = longest_alike_s(model, normal_s);
-  if (!std::isfinite(alike_s)) return std::numeric_limits<double>::infinity();
-  const auto fits = [&](double most_s) {
-    return most_black(model, detail::exposure_ratios(cut(process, most_s), normal_s, model.m))
-               .dose < 1.0;
-  };
-  double longest_s = process.exposure_s;
-  for (int n = 0; n < static_cast<int>(model.exposure_ratio.size()); ++n) {
-    longest_s = std::max(longest_s, layer_exposure_s(process, n));
-  }
-  const double fits_s = alike_s * (1 - kMargin), gels_s = std::max(longest_s, alike_s);
-  if (fits(gels_s)) return alike_s;
-  return halved({fits_s, gels_s}, 60, fits).low;
-}
-
-struct Failing {
-  bool lit = false, black = false;
-};
-
-/// Speeds, mm/h, or exposures, s, at which all places print.
-struct Paces {
-  double least = 0, greatest = std::numeric_limits<double>::infinity();
-  bool any() const { return least <= greatest && greatest > 0; }
-};
-
-Paces speeds(const std::vector<LitPlace>& places, const Printer& printer, const Process& process) {
-  // Every dose is inversely proportional to the speed.
-  Paces p;
-  for (const LitPlace& place : places) {
-    const Doses d = doses_of(*place.model);
-    if (place.lit) {
-      const double mm_h = pace_mm_h(*place.model, process, Counts::least);
-      p.greatest = std::min(p.greatest, mm_h * d.lit / place.needed);
-    }
-    p.least = std::max(p.least, pace_mm_h(*place.model, process, Counts::most) * d.black);
-  }
-  p.greatest *= 1 - kMargin;
-  if (printer.max_speed_mm_h > 0) p.greatest = std::min(p.greatest, printer.max_speed_mm_h);
-  p.least *= 1 + kMargin;
-  return p;
-}
-
-Paces exposures(const std::vector<LitPlace>& places, const Process& process,
-                const Failing& failing) {
-  Paces p;
-  for (const LitPlace& place : places) {
-    const double dose = doses_of(*place.model).lit;
-    const double shortest_s = is_plain_layerwise(*place.model)
-                                  ? layer_exposure_s(process, weakest_layer(*place.model))
-                                  : process.exposure_s;
-    if (place.lit) p.least = std::max(p.least, shortest_s * place.needed / dose * (1 + kMargin));
-  }
-  if (!std::isfinite(p.least)) return {std::numeric_limits<double>::infinity(), 0};
-  for (const LitPlace& place : places) {
-    const CureModel& model = *place.model;
-    const double longest_s = !is_plain_layerwise(model) ? process.exposure_s / doses_of(model).black
-                             : failing.lit
-                                 ? longest_alike_s(model, process.exposure_s)
-                                 : longest_for_black_s(model, process, process.exposure_s);
-    p.greatest = std::min(p.greatest, longest_s * (1 - kMargin));
-  }
-  return p;
-}
-
-/// Both ends as text, rounded inwards with as many digits as leave room between them.
-struct PaceWords {
-  std::string least, greatest;
-};
-std::optional<PaceWords> in_words(const Paces& p) {
-  if (!p.any()) return std::nullopt;
-  for (int digits = kLimitDigits; digits <= 15; digits += 2) {
-    if (rounded_up(p.least, digits) <= rounded_down(p.greatest, digits)) {
-      return PaceWords{p.least > 0 ? at_least(p.least, digits) : "",
-                       std::isfinite(p.greatest) ? at_most(p.greatest, digits) : ""};
-    }
-  }
-  return std::nullopt;
-}
-
-Failing failing_of(const std::vector<LitPlace>& places) {
-  Failing f;
-  for (const LitPlace& p : places) {
-    const Doses d = doses_of(*p.model);
-    f.lit = f.lit || (p.lit && (!gels(*p.model, d.lit) || d.lit < p.needed));
-    f.black = f.black || d.black >= 1.0;
-  }
-  return f;
-}
-
-std::string speed_way(const std::vector<LitPlace>& places, const Printer& printer,
-                      const Process& process, const Failing& failing) {
-  const Paces paces = speeds(places, printer, process);
-  const auto words = in_words(paces);
-  if (!words) {
-    const bool no_travel = std::any_of(places.begin(), places.end(), [](const LitPlace& p) {
-      return p.lit && !std::isfinite(p.needed);
-    });
-    if (no_travel)
-      return "no speed works: the stage's travel leaves no slices in which the part's end could "
-             "cure";
-    if (paces.greatest == printer.max_speed_mm_h) {
-      return fmt::format(
-          "no speed of the stage of printer '{}' is fast enough for its light of black",
-          printer.name);
-    }
-    return paces.least > 0 && paces.greatest > 0
-               ? "no speed works: where lit pixels gel, black ones do, too"
-               : "no speed works";
-  }
-  if (has_own_speeds(process)) {
-    const auto of = [](const char* side, const std::string& mm_h) {
-      return mm_h.empty() ? mm_h : fmt::format("{} {} mm/h", side, mm_h);
-    };
-    const std::string most = of("at most", words->greatest), least = of("at least", words->least);
-    const std::string between = most.empty() || least.empty() ? "" : " and ";
-    return "give each slice " + (failing.lit ? most + between + least : least + between + most);
-  }
-  const std::string slower = fmt::format("slower than {} mm/h", words->greatest);
-  if (words->least.empty()) return "print " + slower;
-  const std::string faster = fmt::format("faster than {} mm/h", words->least);
-  return failing.lit ? fmt::format("print {} and {}", slower, faster)
-                     : fmt::format("print {} and {}", faster, slower);
-}
-
-std::string exposure_way(const std::vector<LitPlace>& places, const Process& process,
-                         const Failing& failing) {
-  const Paces paces = exposures(places, process, failing);
-  const auto words = in_words(paces);
-  if (!words) {
-    return std::isfinite(paces.least)
-               ? "no exposure works: where lit pixels gel, black ones do, too"
-               : "no exposure works";
-  }
-  if (failing.lit) {
-    std::string text = fmt::format("expose for at least {} s", words->least);
-    if (!words->greatest.empty()) text += fmt::format(" and for less than {} s", words->greatest);
-    return text;
-  }
-  // A normal exposure that is too long is so for the first layers, too.
-  const char* which = "";
-  for (const LitPlace& p : places) {
-    const CureModel& model = *p.model;
-    if (model.exposure_ratio.empty() || model.inhibited() || doses_of(model).black < 1.0) continue;
-    which = black_as_a_rule(model)             ? "all layers "
-            : process.layer_exposure_s.empty() ? "the first layers "
-                                               : "each layer ";
-  }
-  return fmt::format("expose {}for less than {} s", which, words->greatest);
-}
-
-/// Where doses are no sums: by how much light would have to be multiplied for a dose of it to be
-/// `wanted`.
-double light_by_trying(const CureModel& model, double wanted, double Doses::*dose) {
-  const auto reaches = [&](double factor) {
-    CureModel other = model;
-    if (model.gel_time()) {
-      other.law =
-          WithGelTime{std::make_shared<const GelTimeKernel>(model.gel_time()->with_light(factor))};
-    }
-    for (double& phi : other.level_phi) {
-      phi = other.phi(factor * model.intensity_mw_cm2(phi));
-    }
-    return doses_of(other).*dose >= wanted;
-  };
-  // In powers of e: no light at all makes no dose.
-  constexpr double low = -60, high = 60;
-  if (!std::isfinite(wanted) || !reaches(std::exp(high)))
-    return std::numeric_limits<double>::infinity();
-  return std::exp(halved({low, high}, 60, [&](double ln) { return !reaches(std::exp(ln)); }).high);
-}
-
-/// What intensities of full light and of black would make all places print at the speed or exposure
-/// asked for. Only without UV light, whose dead zone would matter, too.
-std::string light_way(const std::vector<LitPlace>& places, const Printer& printer,
-                      const Failing& failing) {
-  double full = 0, black = std::numeric_limits<double>::infinity();
-  for (const LitPlace& p : places) {
-    const Doses d = doses_of(*p.model);
-    if (!p.model->adds_up()) {
-      if (p.lit) full = std::max(full, light_by_trying(*p.model, p.needed, &Doses::lit));
-      black = std::min(black, light_by_trying(*p.model, 1.0, &Doses::black));
-      continue;
-    }
-    if (p.lit) full = std::max(full, std::pow(p.needed / d.lit, 1.0 / p.model->m));
-    black = std::min(black, std::pow(1.0 / d.black, 1.0 / p.model->m));
-  }
-  full *= printer.calibration.back().intensity_mw_cm2 * (1 + kMargin);
-  black *= printer.calibration.front().intensity_mw_cm2 * (1 - kMargin);
-  // Where no light is enough, less of black changes nothing.
-  if (failing.lit && !std::isfinite(full)) return {};
-  std::string text;
-  if (failing.lit) {
-    const bool reaches = is_plain_layerwise(*places.front().model);
-    text = fmt::format("with {} {} {}{}", reaches ? "at least" : "more than", at_least(full),
-                       unit_of_light(printer.unit), failing.black ? " of full light" : "");
-  }
-  if (failing.black) {
-    text += fmt::format("{}black below {} {}", text.empty() ? "with " : " and ", at_most(black),
-                        unit_of_light(printer.unit));
-  }
-  return text;
-}
-
 }  // namespace
 
 detail::Verdict detail::verdict(const LitPlace& place, const Printer& printer,
                                 const Process& process) {
   const CureModel& model = *place.model;
-  const Doses doses = doses_of(model);
+  const LimitDoses doses = limit_doses(model);
   Verdict v = model.inhibited()        ? inhibited_verdict(model, printer, process, doses)
               : is_continuous(process) ? continuous_verdict(model, printer, process, doses)
                                        : layerwise_verdict(model, printer, process, doses);
   if (!place.lit) v.weak.clear();
   return v;
-}
-
-std::string detail::ways_out(const std::vector<LitPlace>& places, const Printer& printer,
-                             const Process& process) {
-  const Failing failing = failing_of(places);
-  std::string text = is_continuous(process) ? speed_way(places, printer, process, failing)
-                                            : exposure_way(places, process, failing);
-  if (!places.front().model->inhibited()) {
-    if (const std::string light = light_way(places, printer, failing); !light.empty()) {
-      text += ", or " + light;
-    }
-  } else if (places.size() == 1 && !places.front().model->inhibited()->ends()) {
-    const LitPlace& p = places.front();
-    if (const auto uv = working_uv(p.model->inhibited()->kinetics(), p.model->layer_um,
-                                   level_intensities(printer), *printer.uv, process, p.needed)) {
-      text += fmt::format(", or with {} mW/cm² of UV light", *uv);
-    }
-  }
-  return text;
 }
 
 void detail::check_stage_speed(const Printer& printer, const Process& process) {

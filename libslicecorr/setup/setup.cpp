@@ -6,26 +6,23 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <numeric>
 
 #include "setup/assume.hpp"
 #include "setup/counts.hpp"
 #include "setup/exposures.hpp"
 #include "setup/lamps.hpp"
+#include "setup/resolver.hpp"
 #include "setup/stacks.hpp"
 #include "slicecorr/assumed_light.hpp"
 #include "slicecorr/cure.hpp"
 #include "slicecorr/error.hpp"
-#include "slicecorr/flow.hpp"
 #include "slicecorr/kinetics.hpp"
 #include "slicecorr/light_spreads.hpp"
-#include "slicecorr/light_unit.hpp"
 #include "slicecorr/load_display.hpp"
 #include "slicecorr/load_printer.hpp"
 #include "slicecorr/machine_motion.hpp"
 #include "slicecorr/misfit.hpp"
 #include "slicecorr/print_file.hpp"
-#include "slicecorr/same_light.hpp"
 #include "slicecorr/settings.hpp"
 #include "slicecorr/supports.hpp"
 #include "slicecorr/tuned_together.hpp"
@@ -33,62 +30,7 @@
 
 namespace slicecorr {
 
-using detail::has_first_exposure;
-using detail::trimmed;
-
-namespace {
-
-[[noreturn]] void wrong(const std::string& message) { throw InputError(message); }
-[[noreturn]] void misfit(std::vector<std::string> settings, const std::string& message) {
-  throw MisfitError(std::move(settings), message);
-}
-
-class Resolver {
- public:
-  Resolver(const SetupChoices& choices, ChoiceNames names) : c_(choices), names_(names) {}
-  Setup resolve(const StackInfo* info, const StackInfo* times) const;
-  Printer chosen_printer() const;
-  Resin chosen_resin() const;
-  bool assumes() const { return !c_.assume.empty() && c_.assume != "none"; }
-  void check_light(const Printer& printer, const Resin& resin, bool uv) const {
-    check_same_light(printer, resin, uv, c_.other_wavelength == "take", o("other_wavelength"));
-  }
-
- private:
-  Printer printer() const;
-  Resin resin() const;
-  ResinOverrides overrides() const;
-  std::string o(std::string_view name) const { return setting_name(names_, name); }
-  void resolve_exposure(Process& process, const StackInfo* times) const;
-  void resolve_continuous(Process& process) const;
-  void resolve_slice_speeds(Process& process) const;
-  void resolve_layerwise(Process& process, const StackInfo* times) const;
-  void resolve_layers(Process& process, const StackInfo* times, bool recorded) const;
-  void resolve_lifts(Setup& setup, bool recorded) const;
-  /// The setting that says how lifts go, where one does.
-  const char* how_said() const {
-    return c_.green_strength > 0 ? "green_strength" : c_.skin > 0 ? "skin" : "lift_exchange";
-  }
-  void resolve_uv(Setup& setup) const;
-  /// Lamps follow the stage where a machine would else refuse the speed, and nothing is said of ramps.
-  void resolve_ramp(Setup& setup) const;
-  void resolve_even_dead_zone(Setup& setup) const;
-  /// Those of `names` that are said.
-  std::vector<std::string> said_of(std::initializer_list<std::string_view> names) const {
-    std::vector<std::string> said;
-    for (const std::string_view name : names) {
-      if (is_said(*find_setting(name), c_)) said.emplace_back(name);
-    }
-    return said;
-  }
-  bool any_exposure() const {
-    return c_.exposure_s > 0 || c_.bottom_exposure_s > 0 || c_.bottom_layers >= 0 ||
-           c_.fade_layers >= 0;
-  }
-
-  const SetupChoices& c_;
-  ChoiceNames names_;
-};
+namespace detail {
 
 void Resolver::resolve_exposure(Process& process, const StackInfo* times) const {
   const bool layerwise =
@@ -177,8 +119,8 @@ void Resolver::resolve_layers(Process& process, const StackInfo* times, bool rec
   if (process.light_share.size() == 1 && process.light_share.front() == 1) {
     process.light_share.clear();
   }
-  detail::take_lamp_log(c_.lamp_log, o("lamp_log"), process.lamp_share);
-  detail::take_lamp_log(c_.uv_lamp_log, o("uv_lamp_log"), process.uv_lamp_share);
+  take_lamp_log(c_.lamp_log, o("lamp_log"), process.lamp_share);
+  take_lamp_log(c_.uv_lamp_log, o("uv_lamp_log"), process.uv_lamp_share);
   if (!c_.layer_heights_um.empty()) {
     process.layer_heights_um = trimmed(c_.layer_heights_um);
   } else if (archive) {
@@ -316,110 +258,6 @@ void Resolver::resolve_layerwise(Process& process, const StackInfo* times) const
   }
 }
 
-/// What needs flow needs more of printer and resin than other prints do.
-void Resolver::resolve_even_dead_zone(Setup& setup) const {
-  const std::string option = o("even_dead_zone");
-  std::vector<Feature> features = features_of(setup.printer, setup.resin, setup.process);
-  features.push_back(Feature::even_dead_zone);
-  try {
-    check_supported(features, setup.printer.name, setup.resin.name);
-  } catch (const InputError& e) {
-    if (setup.process.mode == ExposureMode::layerwise) misfit({"even_dead_zone"}, e.what());
-    throw;
-  }
-  if (auto light = said_of({"uv_mw_cm2", "dead_zone_um", "uv_schedule"}); !light.empty()) {
-    light.resize(1);
-    light.emplace_back("even_dead_zone");
-    misfit(light, fmt::format("{} finds the UV light; expected no {}, {} or {} with it", option,
-                              o("uv_mw_cm2"), o("dead_zone_um"), o("uv_schedule")));
-  }
-  if (!setup.resin.inhibition) {
-    wrong(fmt::format("{}: resin '{}' has no [inhibition]; expected one that UV light inhibits",
-                      option, setup.resin.name));
-  }
-  if (!setup.printer.uv) {
-    wrong(fmt::format("{}: printer '{}' has no [uv] lamp", option, setup.printer.name));
-  }
-  const bool by_name = c_.resin_toml.empty() && !c_.resin.empty();
-  flow_resin(setup.resin, by_name ? find_definition(c_.resin, "resin") : std::string());
-  const bool patterned = setup.printer.uv->patterned;
-  const std::string& kind = c_.even_dead_zone;
-  if (!patterned && (kind == "uv" || kind == "both")) {
-    wrong(fmt::format(
-        "{} {}: the UV lamp of printer '{}' floods the window; expected blue or constant", option,
-        kind, setup.printer.name));
-  }
-  Process& process = setup.process;
-  process.even_light.reset();
-  process.even_dead_zone = kind == "constant"            ? EvenDeadZone::constant
-                           : kind == "blue"              ? EvenDeadZone::blue
-                           : kind == "uv"                ? EvenDeadZone::uv
-                           : kind == "both" || patterned ? EvenDeadZone::both
-                                                         : EvenDeadZone::blue;
-  // The light is found with the part; until then all that can be said is what the lamp can do.
-  process.uv = {};
-  process.uv.kind = UvKind::per_slice;
-  process.uv.uv_mw_cm2 = setup.printer.uv->max_mw_cm2();
-}
-
-void Resolver::resolve_uv(Setup& setup) const {
-  UvSchedule& uv = setup.process.uv;
-  if (!c_.window_cure.empty()) setup.process.allow_window_cure = c_.window_cure == "allow";
-  const std::string intensity = o("uv_mw_cm2"), zone = o("dead_zone_um"),
-                    schedule = o("uv_schedule");
-  if (c_.uv_mw_cm2 > 0 && c_.dead_zone_um > 0) {
-    misfit({"uv_mw_cm2", "dead_zone_um"},
-           fmt::format("{} and {} are two ways to set the UV light; expected one of them",
-                       intensity, zone));
-  }
-  if (!(c_.uv_mw_cm2 > 0) && !(c_.dead_zone_um > 0)) {
-    if (!c_.uv_schedule.empty()) {
-      misfit({"uv_schedule"}, fmt::format("{} {}: expected {} with it", schedule, c_.uv_schedule,
-                                          c_.uv_schedule == "constant" ? intensity : zone));
-    }
-    return;
-  }
-  const std::string& option = c_.uv_mw_cm2 > 0 ? intensity : zone;
-  if (!setup.resin.inhibition) {
-    wrong(fmt::format("{}: resin '{}' has no [inhibition]; expected one that UV light inhibits",
-                      option, setup.resin.name));
-  }
-  if (!setup.printer.uv) {
-    wrong(fmt::format("{}: printer '{}' has no [uv] lamp", option, setup.printer.name));
-  }
-  const bool patterned = setup.printer.uv->patterned;
-  uv = {};
-  if (c_.uv_mw_cm2 > 0) {
-    if (!c_.uv_schedule.empty() && c_.uv_schedule != "constant") {
-      wrong(fmt::format("{} {} holds a dead zone; expected {} in place of {}", schedule,
-                        c_.uv_schedule, zone, intensity));
-    }
-    uv.kind = UvKind::constant;
-    uv.uv_mw_cm2 = c_.uv_mw_cm2;
-    return;
-  }
-  if (c_.uv_schedule == "constant") {
-    wrong(fmt::format("{} constant: expected {} in place of {}", schedule, intensity, zone));
-  }
-  if (c_.uv_schedule == "patterned" && !patterned) {
-    wrong(fmt::format("{} patterned: the UV lamp of printer '{}' floods the window", schedule,
-                      setup.printer.name));
-  }
-  if (setup.printer.uv_flat_field && !patterned) {
-    // By slice no place needs more.
-    const double weakest_mw_cm2 = detail::uv_for_weakest_place(setup, c_.dead_zone_um);
-    if (c_.uv_schedule.empty()) {
-      uv.kind = UvKind::constant;
-      uv.uv_mw_cm2 = weakest_mw_cm2;
-      return;
-    }
-  }
-  uv.kind = c_.uv_schedule == "patterned" || (c_.uv_schedule.empty() && patterned)
-                ? UvKind::patterned
-                : UvKind::per_slice;
-  uv.dead_zone_um = c_.dead_zone_um;
-}
-
 Printer Resolver::printer() const {
   if (assumes()) {
     Printer display = c_.printer_toml.empty() ? load_display(c_.printer)
@@ -518,7 +356,7 @@ Setup Resolver::resolve(const StackInfo* info, const StackInfo* times) const {
   resolve_lifts(setup, recorded && setup.process.mode == info->process->mode);
   const StackInfo* const assumed =
       recorded && info->process->assumed != AssumedLight::none ? info : nullptr;
-  detail::assume_strength(c_, assumed, setup.process);
+  assume_strength(c_, assumed, setup.process);
   if (assumes()) {
     const StackInfo* const sized = info ? info : times;
     if (!sized && !(c_.layer_um > 0) && setup.process.layer_heights_um.empty()) {
@@ -528,8 +366,7 @@ Setup Resolver::resolve(const StackInfo* info, const StackInfo* times) const {
           o("assume")));
     }
     setup.process.assumed = assumed_light(c_.assume, setup.printer);
-    detail::assume_dose({c_, names_, assumed, times}, sized ? sized->grid.layer_um : c_.layer_um,
-                        setup);
+    assume_dose({c_, names_, assumed, times}, sized ? sized->grid.layer_um : c_.layer_um, setup);
   } else if (printer_given) {
     setup.process.assumed = AssumedLight::none;
   }
@@ -561,14 +398,16 @@ Setup Resolver::resolve(const StackInfo* info, const StackInfo* times) const {
       setup.process.spread_rounds = 0;
     }
   }
-  detail::check_counts(setup, c_, names_);
-  if (setup.process.assumed != AssumedLight::none) detail::assume_errors(setup);
-  if (info && info->recording) detail::check_recorded(setup, *info);
+  check_counts(setup, c_, names_);
+  if (setup.process.assumed != AssumedLight::none) assume_errors(setup);
+  if (info && info->recording) check_recorded(setup, *info);
   setup.printer = for_resin(std::move(setup.printer), setup.resin);
   return setup;
 }
 
-}  // namespace
+}  // namespace detail
+
+using detail::Resolver;
 
 ResinOverrides resin_overrides(const SetupChoices& choices) {
   ResinOverrides overrides;
@@ -581,8 +420,9 @@ ResinOverrides resin_overrides(const SetupChoices& choices) {
 std::pair<Printer, Resin> chosen_definitions(const SetupChoices& choices, ChoiceNames names) {
   const Resolver resolver(choices, names);
   if (resolver.assumes()) {
-    wrong(fmt::format("{} is for prints layer by layer: expected light that was measured",
-                      setting_name(names, "assume")));
+    throw InputError(
+        fmt::format("{} is for prints layer by layer: expected light that was measured",
+                    setting_name(names, "assume")));
   }
   std::pair<Printer, Resin> chosen{resolver.chosen_printer(), resolver.chosen_resin()};
   resolver.check_light(chosen.first, chosen.second, false);

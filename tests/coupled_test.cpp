@@ -247,6 +247,20 @@ TEST(Coupled, FewLevelsHandOnInThePlane) {
   }
 }
 
+TEST(Coupled, NarrowSpreadsAndManyLevelsHandNothingOn) {
+  const Design design = block();
+  CureModel few = test::figure_2_2();
+  few.level_phi = {few.phi_min(), 2, 4, few.phi_max()};
+  const auto hands_on = [&](const CureModel& model, double sigma_px) {
+    const CorrectionPlan plan = plan_of(design, model);
+    const LightBlur blur(spread_of(sigma_px), kPixelUm, kPixelUm);
+    return detail::CoupledPlan(plan, blur, {0, 0, design.width, design.height}, 0, {}).hands_on;
+  };
+  for (const double sigma_px : {0.0, 0.3, 0.45}) EXPECT_FALSE(hands_on(few, sigma_px)) << sigma_px;
+  EXPECT_TRUE(hands_on(few, 0.5));
+  EXPECT_FALSE(hands_on(test::figure_2_2(), 0.5));
+}
+
 TEST(Coupled, TakesLightThatGoesFarAndLightThatGoesOneWay) {
   const Design design = block();
   const CureModel model = test::figure_2_2();

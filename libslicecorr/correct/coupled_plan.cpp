@@ -9,7 +9,6 @@
 #include <utility>
 
 #include "correct/coupled_kernels.hpp"
-#include "correct/plane_levels.hpp"
 #include "slicecorr/error.hpp"
 
 namespace slicecorr::detail {
@@ -90,6 +89,28 @@ class LitPart {
   const std::vector<DistanceBlur>& distances_;
   PixelBox box_;
 };
+
+/// Whether light spreads at least as wide as a Gaussian with a sigma of half a pixel along both axes.
+/// `weights` as `LightBlur::of_weights`.
+bool is_wide(const std::vector<double>& weights, int reach_x, int reach_y) {
+  double sum = 0, x2 = 0, y2 = 0;
+  std::size_t at = 0;
+  for (int y = -reach_y; y <= reach_y; ++y) {
+    for (int x = -reach_x; x <= reach_x; ++x) {
+      const double w = weights[at++];
+      sum += w;
+      x2 += w * x * x;
+      y2 += w * y * y;
+    }
+  }
+  double least = 0, k = 0;
+  for (const double tap : gaussian_taps(0.5, 1.0)) {
+    least += 2 * tap * k * k;
+    k += 1;
+  }
+  least *= 1 - 1e-9;
+  return x2 >= least * sum && y2 >= least * sum;
+}
 
 int padded(int n) { return (n + kTapLanes - 1) / kTapLanes * kTapLanes; }
 
@@ -200,7 +221,7 @@ CoupledPlan::CoupledPlan(const CorrectionPlan& column_plan, const LightBlur& lig
   }
   taps_single.assign(taps.begin(), taps.end());
 
-  hands_on = !wants && columns.levels.size() <= kFewLevels && is_wide(blur);
+  hands_on = !wants && columns.levels.size() <= kFewLevels && is_wide(weights, reach_x, reach_y);
   const double most = *std::max_element(weights.begin(), weights.end());
   near_x = std::min(1, reach_x);
   near_y = std::min(1, reach_y);

@@ -103,7 +103,9 @@ struct CoupledPlan {
   std::array<double, 256> light_of;  ///< by grey level
   int top;                           ///< the highest grey level
   double shine_step;                 ///< greatest between two neighbouring levels
-  bool hands_on;  ///< what pixels have too much is handed on in the plane: see `levels_of_plane`
+  /// Few levels, and light that spreads with a sigma of half a pixel or more along both axes: what a pixel of a
+  /// feature has too much is handed on to those beside it.
+  bool hands_on;
   /// Doses are wanted: inside features the dose is to be that of the columns alone, which know them.
   bool graded = false;
   /// Which, where columns say which light they want; else null.

@@ -159,8 +159,7 @@ class PatchSolver : public PatchField<float> {
   void set_level(std::size_t at, int level);
   void round_to_levels();
   /// The same for few levels: what a pixel of a feature has too much is handed on to those beside it
-  /// that are not decided, as `levels_of_plane` does, and what it has less than they want it must
-  /// not lack.
+  /// that are not decided, and what it has less than they want it must not lack.
   void hand_on();
   void give(int n);
   /// With lifts: the least light that reaches a pixel by its slice's own exposure; 0: none is asked.

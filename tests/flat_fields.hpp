@@ -4,9 +4,15 @@
 /// Displays that do not shine evenly, and ways to expose them.
 #pragma once
 
+#include <gtest/gtest.h>
+#include <unistd.h>
+
 #include <algorithm>
 #include <cstdint>
+#include <filesystem>
+#include <fstream>
 #include <functional>
+#include <iterator>
 #include <memory>
 #include <random>
 #include <string>
@@ -121,5 +127,23 @@ inline std::vector<Mode> modes() {
   all.push_back({"patterned UV light", pattern});
   return all;
 }
+
+/// A folder for each test.
+class FlatFieldTest : public testing::Test {
+ protected:
+  FlatFieldTest() {
+    const testing::TestInfo* info = testing::UnitTest::GetInstance()->current_test_info();
+    folder_ = std::filesystem::temp_directory_path() /
+              ("flat-field-" + std::string(info->name()) + "-" + std::to_string(::getpid()));
+    std::filesystem::create_directories(folder_);
+  }
+  ~FlatFieldTest() override { std::filesystem::remove_all(folder_); }
+  std::string path(const std::string& name) const { return (folder_ / name).string(); }
+  static std::string bytes(const std::string& path) {
+    std::ifstream in(path, std::ios::binary);
+    return {std::istreambuf_iterator<char>(in), {}};
+  }
+  std::filesystem::path folder_;
+};
 
 }  // namespace slicecorr::test::flat

@@ -28,8 +28,8 @@ class EvenFinder {
              int every, double hold_off);
   /// The process with light for images that are guessed, which takes no solve: a first step of `find`.
   Process guess();
-  /// The process of the setup with its light; `guessed`: what `guess` gave.
-  Process find(Process guessed);
+  /// The process of the setup with its light; `process`: what `guess` gave.
+  Process find(Process process);
   /// Tells gap, slices and caps through the context.
   void tell(const Process& process) const;
 

@@ -109,27 +109,6 @@ BestGap best_gap(const PlanLight& light, int slices) {
   return best;
 }
 
-BestGap best_gap_um(const PlanLight& light, double gap_um) {
-  const double g = std::exp(gap_um / light.lam_um), r = light.smin_mm_h / light.smax_mm_h;
-  // x^2 is the least dose in the gap at best; r 0 leaves no least speed.
-  const double root = std::sqrt(r);
-  const double x = ((g - 1) * root + std::sqrt(g) * (1 - r)) / (g - r);
-  return {light.smax_mm_h * root / x, 1 - x * x};
-}
-
-std::optional<SpeedRange> gap_speeds_um(const PlanLight& light, double gap_um, double contrast) {
-  const double g = std::exp(gap_um / light.lam_um), r = light.smin_mm_h / light.smax_mm_h;
-  const double m = 1 - contrast;
-  // r P^2 - P b + m = 0; its roots are the ends in P.
-  const double b = (g * (m + r) - 1 - r * m) / (g - 1);
-  const double below_root = b * b - 4 * r * m;
-  if (!(b > 0) || below_root < 0) return std::nullopt;
-  const double q = (b + std::sqrt(below_root)) / 2;
-  const double least_p = m / q;
-  if (!(least_p > 1)) return std::nullopt;
-  return SpeedRange{r > 0 ? light.smax_mm_h * r / q : 0.0, light.smax_mm_h / least_p};
-}
-
 std::optional<SpeedRange> tolerated_speeds(const PlanLight& light, double tolerance_um,
                                            double light_error) {
   const double share = light.lam_um * light_error / tolerance_um;

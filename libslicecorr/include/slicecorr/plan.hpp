@@ -77,9 +77,6 @@ struct BestGap {
 };
 /// The speed with the greatest contrast, in whole slices.
 BestGap best_gap(const PlanLight& light, int slices);
-/// The same for a height of any size, slices of no height: what no slicing gets beyond.
-BestGap best_gap_um(const PlanLight& light, double gap_um);
-std::optional<SpeedRange> gap_speeds_um(const PlanLight& light, double gap_um, double contrast);
 
 /// Where an error of the light of `light_error` (a share) moves no edge further than `tolerance_um`.
 /// Nothing where that is not more than lam times the error, which is what any speed costs.

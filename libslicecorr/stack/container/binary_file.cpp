@@ -12,6 +12,7 @@
 
 #include "slicecorr/error.hpp"
 #include "slicecorr/print_file.hpp"
+#include "stack/container/output_file.hpp"
 #include "stack/container/zip_input.hpp"
 #include "stack/container/zip_output.hpp"
 #include "stack/isa_l.hpp"
@@ -41,37 +42,6 @@ constexpr std::string_view kMagics[] = {
     "\0\0\0\x07"
     "CXSW3D"sv,
     "Longer3D"sv,
-};
-
-/// A file that pieces are appended to.
-class PieceFile {
- public:
-  PieceFile(const std::string& file, std::string shown_path)
-      : path_(std::move(shown_path)), fd_(::open(file.c_str(), O_WRONLY | O_CLOEXEC)) {
-    if (fd_ < 0) fail();
-  }
-  ~PieceFile() {
-    if (fd_ >= 0) ::close(fd_);
-  }
-  PieceFile(const PieceFile&) = delete;
-  PieceFile& operator=(const PieceFile&) = delete;
-  void write(std::span<const std::uint8_t> bytes) const {
-    while (!bytes.empty()) {
-      const ssize_t n = ::write(fd_, bytes.data(), bytes.size());
-      if (n < 0 && errno == EINTR) continue;
-      if (n <= 0) fail();
-      bytes = bytes.subspan(static_cast<std::size_t>(n));
-    }
-  }
-  void close() {
-    const int fd = std::exchange(fd_, -1);
-    if (::close(fd) != 0) fail();
-  }
-
- private:
-  [[noreturn]] void fail() const { throw DeviceError(errno_message(path_, "can't be written")); }
-  std::string path_;
-  int fd_;
 };
 
 }  // namespace
@@ -155,7 +125,7 @@ BinaryOutput::BinaryOutput(const std::string& path, std::string keep_from)
 void BinaryOutput::finish(const ExecutionContext& context, const Check& check) {
   context.check_cancelled();
   Temporary temporary{make_temporary(path_)};
-  PieceFile file(temporary.path, path_);
+  OutputFile file(temporary.path, path_);
   std::vector<std::uint8_t> piece;
   std::uint32_t crc = 0;
   std::uint64_t bytes = 0, total = 1;
@@ -164,7 +134,7 @@ void BinaryOutput::finish(const ExecutionContext& context, const Check& check) {
     if (!source.name.empty()) continue;
     context.check_cancelled();
     source.make(piece);
-    file.write(piece);
+    file.write(piece, bytes);
     crc = isal::crc32(crc, piece.data(), piece.size());
     crc_ = isal::crc32(crc_, piece.data(), piece.size());
     xor_ = std::accumulate(piece.begin(), piece.end(), xor_, std::bit_xor<std::uint8_t>());

@@ -3,7 +3,6 @@
 
 #include "stack/container/zip_output.hpp"
 
-#include <fcntl.h>
 #include <libdeflate.h>
 #include <unistd.h>
 
@@ -13,10 +12,10 @@
 
 #include "parallel/silent.hpp"
 #include "slicecorr/error.hpp"
+#include "stack/container/output_file.hpp"
 #include "stack/container/zip_layout.hpp"
 #include "stack/container/zip_pack.hpp"
 #include "stack/isa_l.hpp"
-#include "support/files/errno_message.hpp"
 #include "support/files/temporary.hpp"
 
 namespace slicecorr::detail {
@@ -26,48 +25,6 @@ namespace {
 std::uint32_t crc32_of(const std::vector<std::uint8_t>& data) {
   return isal::crc32(0, data.data(), data.size());
 }
-
-/// A file into which all threads write, each at its own place.
-class OpenFile {
- public:
-  OpenFile(const std::string& file, std::string shown_path)
-      : path_(std::move(shown_path)), fd_(::open(file.c_str(), O_WRONLY | O_CLOEXEC)) {
-    if (fd_ < 0) fail();
-  }
-  ~OpenFile() {
-    if (fd_ >= 0) ::close(fd_);
-  }
-  OpenFile(const OpenFile&) = delete;
-  OpenFile& operator=(const OpenFile&) = delete;
-
-  void write(const std::vector<std::uint8_t>& data, std::uint64_t offset) const {
-    for (std::size_t done = 0; done < data.size();) {
-      const ssize_t n =
-          ::pwrite(fd_, data.data() + done, data.size() - done, static_cast<off_t>(offset + done));
-      if (n < 0 && errno == EINTR) continue;
-      if (n <= 0) fail();
-      done += static_cast<std::size_t>(n);
-    }
-  }
-  /// Begins to move what was written there to the disk: less to wait for at the end.
-  void begin_sync(std::uint64_t from, std::uint64_t to) const {
-    if (from == to) return;  // a length of 0 would mean all of the file
-    // If this fails, syncing at the end just takes longer.
-    [[maybe_unused]] const int result = ::sync_file_range(
-        fd_, static_cast<off_t>(from), static_cast<off_t>(to - from), SYNC_FILE_RANGE_WRITE);
-  }
-  /// Closes the file; some file systems tell only then that there is no room.
-  void close() {
-    const int fd = std::exchange(fd_, -1);
-    if (::close(fd) != 0) fail();
-  }
-
- private:
-  [[noreturn]] void fail() const { throw DeviceError(errno_message(path_, "can't be written")); }
-
-  std::string path_;
-  int fd_;
-};
 
 }  // namespace
 
@@ -109,7 +66,7 @@ void ZipOutput::finish(const ExecutionContext& context, const Check& check) {
 }
 
 void ZipOutput::write(const std::string& temporary, const ExecutionContext& context) {
-  OpenFile file(temporary, path_);
+  OutputFile file(temporary, path_);
   std::vector<ZipEntry> entries(sources_.size());
   std::uint64_t offset = 0, written = 0, synced = 0;
   const ExecutionContext quiet = silent(context);

@@ -10,7 +10,6 @@
 #include <cmath>
 #include <cstdio>
 #include <fstream>
-#include <map>
 #include <sstream>
 
 #include "real_files.hpp"
@@ -71,47 +70,6 @@ TEST_F(FitReal, WorkingCurveOfDa2) {
   EXPECT_GT(h.ci95[1], 540);
   EXPECT_LT(dc.ci95[0], 5.6);
   EXPECT_GT(dc.ci95[1], 5.6);
-}
-
-/// When a conversion is first passed and kept for five samples, interpolated.
-double time_to(const std::vector<std::array<double, 2>>& curve, double conversion) {
-  for (std::size_t i = 1; i + 4 < curve.size(); ++i) {
-    bool kept = true;
-    for (std::size_t k = i; k < i + 5; ++k) kept = kept && curve[k][1] >= conversion;
-    if (!kept) continue;
-    const auto [t0, c0] = curve[i - 1];
-    const auto [t1, c1] = curve[i];
-    return t0 + (conversion - c0) / (c1 - c0) * (t1 - t0);
-  }
-  return 0;
-}
-
-TEST_F(FitReal, ExponentOfBisEma) {
-  std::map<double, std::vector<std::array<double, 2>>> curves;
-  for (const auto& row : rows_of("bisema/kinetics_ftir.csv")) {
-    curves[row.at(0)].push_back({row.at(1), row.at(2)});
-  }
-  ASSERT_EQ(curves.size(), 4U);
-  std::vector<TimeToState> times, at_ten;
-  for (const auto& row : rows_of("bisema/time_to_conversion.csv")) {
-    EXPECT_NEAR(time_to(curves.at(row.at(0)), row.at(1)) / row.at(2), 1, 1e-5);
-    times.push_back({row.at(0), row.at(2), row.at(1)});
-    if (row.at(1) == 0.1) at_ten.push_back(times.back());
-  }
-  ASSERT_EQ(times.size(), 20U);
-  EXPECT_NEAR(exponent_from_times(at_ten).m, 0.93, 0.005);
-  EXPECT_NEAR(exponent_from_times(at_ten, 4.93).m, 0.79, 0.005);
-  // The authors' 0.76 is the mean over all conversions of their own reduction.
-  const ExponentFit ours = exponent_from_times(times, 4.93);
-  EXPECT_LT(std::abs(ours.m - 0.76), 0.05);
-  double mean = 0;
-  int count = 0;
-  for (const auto& row : rows_of("bisema/dose_rate_exponent.csv")) {
-    if (row.size() < 2 || !(row[0] >= 0.05 && row[0] <= 0.3)) continue;
-    mean += row[1];
-    ++count;
-  }
-  EXPECT_NEAR(mean / count, 0.76, 0.005);
 }
 
 /// Value at x of a table of (x, y), between its rows.

@@ -7,7 +7,6 @@
 #include <boost/math/distributions/fisher_f.hpp>
 #include <boost/math/distributions/students_t.hpp>
 #include <boost/math/policies/policy.hpp>
-#include <boost/math/special_functions/beta.hpp>
 #include <boost/math/special_functions/digamma.hpp>
 #include <boost/math/special_functions/trigamma.hpp>
 #include <cmath>
@@ -35,10 +34,6 @@ using StudentT = boost::math::students_t_distribution<double, Quiet>;
 using FisherF = boost::math::fisher_f_distribution<double, Quiet>;
 
 }  // namespace
-
-double incomplete_beta(double a, double b, double x) {
-  return boost::math::ibeta(a, b, x, Quiet());
-}
 
 double median(std::vector<double> values) {
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
@@ -85,12 +80,6 @@ VariancePrior variance_prior(const std::vector<double>& variances,
   const double half =
       halved({1e-6, high}, 100, [&](double x) { return trigamma(x) > excess; }).middle();
   return {std::exp(mean + digamma(half) - std::log(half)), 2 * half};
-}
-
-double student_t_probability(double t, double freedom) {
-  if (std::isnan(t)) return t;
-  if (std::isinf(t)) return t > 0 ? 1 : 0;
-  return boost::math::cdf(StudentT(freedom), t);
 }
 
 double student_t_quantile(double probability, double freedom) {

@@ -12,12 +12,7 @@
 
 namespace slicecorr::resins {
 
-/// I_x(a, b) for a, b > 0 and 0 <= x <= 1.
-double incomplete_beta(double a, double b, double x);
-
-/// P(T <= t) with `freedom` > 0 degrees of freedom.
-double student_t_probability(double t, double freedom);
-/// t with P(T <= t) = probability, 0 < probability < 1.
+/// t with P(T <= t) = probability, 0 < probability < 1, with `freedom` > 0 degrees of freedom.
 double student_t_quantile(double probability, double freedom);
 
 /// P(F > f): small when f is surprisingly large.

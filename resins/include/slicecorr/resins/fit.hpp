@@ -211,24 +211,6 @@ FitResult fit(const Measurements& data, FitModel model, const FitOptions& option
 std::optional<LeftOut> compare_left_out(const Measurements& data, const FitOptions& options = {},
                                         const ExecutionContext& context = {});
 
-/// Time after which a sample reached a state (a conversion, gelation) at an intensity.
-struct TimeToState {
-  double intensity_mw_cm2 = 0;  ///< > 0
-  double time_s = 0;            ///< > 0
-  double state = 0;             ///< samples of equal state are compared with each other
-};
-/// Exponent m from times alone: a state is reached at the same I^m (t - t0), where t0 = E0 / I is
-/// the time to use up oxygen, E0 the induction dose. Regression of ln(t - t0) on ln I with one
-/// slope and an intercept for each state. Throws `InputError` when no state has two intensities, or
-/// a time ends within its induction.
-struct ExponentFit {
-  double m = 0, stderr_ = 0;
-  std::array<double, 2> ci95{};  ///< of m
-  int n = 0, states = 0;         ///< times, and different states among them
-};
-ExponentFit exponent_from_times(const std::vector<TimeToState>& times,
-                                double induction_dose_mj_cm2 = 0);
-
 /// Height that a fit predicts, um: of cured resin where `uv` is 0 (below 0 when nothing gels), of
 /// the dead zone else (0 when it has closed; the place of the first gel while nothing has gelled).
 double predict_um(const FitResult& result, double blue_mw_cm2, double uv_mw_cm2, double exposure_s);

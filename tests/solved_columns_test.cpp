@@ -9,6 +9,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <memory>
 #include <random>
@@ -18,7 +19,10 @@
 #include "correct/column_band.hpp"
 #include "correct/inhibited_column.hpp"
 #include "correct/inhibited_judge.hpp"
+#include "correct/inhibited_polish.hpp"
 #include "correct/inhibited_rule.hpp"
+#include "cure/inhibited_layer.hpp"
+#include "cure/layer_floor.hpp"
 #include "slicecorr/dose.hpp"
 #include "uv_models.hpp"
 
@@ -166,6 +170,216 @@ TEST(InhibitedJudge, WhatIsKnownToGelChangesNoScore) {
     }
     EXPECT_GT(dips, 20U);
   }
+}
+
+/// The descent of ColumnPolish with all costs of each trial, on a copy of the doses.
+class PlainDescent {
+ public:
+  PlainDescent(const InhibitedPlan& plan, const ColumnDesign& design, ColumnDoses& doses,
+               double weight)
+      : plan_(plan), design_(design), doses_(doses), weight_(weight) {}
+  void descend() {
+    const InhibitedTuning& t = plan_.tuning;
+    const int farthest = design_.last_node + plan_.reach + plan_.lags.front() + t.spare_slices;
+    for (int sweep = 0; sweep < t.polish_sweeps; ++sweep) {
+      bool moved = false;
+      for (int n = std::min(farthest + 1, plan_.all_layers); n-- > 0;) moved = improve(n) || moved;
+      doses_.rebuild();
+      if (!moved) break;
+    }
+  }
+
+ private:
+  bool improve(int n) {
+    const InhibitedTuning& t = plan_.tuning;
+    const int now = doses_.level(n), before = n > 0 ? doses_.level(n - 1) : 0;
+    double least = cost(doses_, n);
+    if (least < t.polish_enough) return false;
+    least -= t.polish_least_gain;
+    int best = now, best_before = before;
+    const auto attempt = [&](int level, int previous) {
+      if (std::min(level, previous) < 0 || level > plan_.cap_of(n)) return;
+      if (previous != before && previous > plan_.cap_of(n - 1)) return;
+      ColumnDoses tried = doses_;
+      tried.change(n, level);
+      if (previous != before) tried.change(n - 1, previous);
+      const double costs = cost(tried, n);
+      if (costs >= least) return;
+      least = costs;
+      best = level;
+      best_before = previous;
+    };
+    for (const int step : t.polish_steps) {
+      attempt(now + step, before);
+      attempt(now - step, before);
+    }
+    attempt(0, before);
+    for (const int step : t.polish_moves) {
+      if (n == 0) break;
+      attempt(now + step, before - step);
+      attempt(now - step, before + step);
+    }
+    if (best == now && best_before == before) return false;
+    doses_.change(n, best);
+    if (best_before != before) doses_.change(n - 1, best_before);
+    return true;
+  }
+  double cost(const ColumnDoses& doses, int n) const {
+    const InhibitedTuning& t = plan_.tuning;
+    const auto weighed = [](double weight, double x) { return x > 0 ? weight * x * x : 0.0; };
+    double sum = 0;
+    for (const ColumnDesign::Edge& edge : design_.edges) {
+      if (edge.node <= n - plan_.near || edge.node > n) continue;
+      const double d = doses.beside(edge.node, edge.aim) - 1.0;
+      sum += t.edge_weight * d * d;
+    }
+    for (int k = std::max(0, n - plan_.near + 1); k <= n; ++k) {
+      const double dose = doses.middle(k);
+      if (doses.sampled() && design_.full(k)) {
+        sum += weighed(weight_, t.dip_dose - doses.least_sampled(k));
+      }
+      if (design_.full(k)) {
+        sum += weighed(t.core_weight, t.core_dose - dose) +
+               weighed(t.excess_weight, dose - t.excess_dose);
+      } else if (design_.coverage(k) == 0) {
+        sum += weighed(t.gap_weight, dose - t.gap_dose);
+      }
+    }
+    return sum;
+  }
+
+  const InhibitedPlan& plan_;
+  const ColumnDesign& design_;
+  ColumnDoses& doses_;
+  double weight_;
+};
+
+TEST(ColumnPolish, GoesWhereADescentWithAllCostsGoes) {
+  std::mt19937 random(8);
+  constexpr int layers = 60;
+  int moved = 0;
+  for (const Process& process : {uv_process(200, 200), layerwise_process()}) {
+    const CureModel model = model_of(resin_1(), process, 50);
+    const InhibitedPlan plan(model, false, layers, slices_with_burst(model, layers, layers - 1));
+    ColumnDesign design(plan);
+    ColumnDoses doses(plan), plain_doses(plan);
+    LevelRule rule(plan, design, doses);
+    for (int round = 0; round < 12; ++round) {
+      design.read(random_runs(random, layers));
+      rule.choose();
+      std::vector<Level> levels = doses.levels();
+      for (Level& level : levels) {
+        if (random() % 8U == 0) level = static_cast<Level>(level * (random() % 10U) / 10U);
+      }
+      const bool sampled = process.mode == ExposureMode::layerwise && round % 2 == 0;
+      const double weight = plan.tuning.dip_weights[static_cast<std::size_t>(round % 4) / 2];
+      doses.take(levels, sampled);
+      ColumnPolish(plan, design, doses).descend(weight);
+      plain_doses.take(levels, sampled);
+      PlainDescent(plan, design, plain_doses, weight).descend();
+      ASSERT_EQ(doses.levels(), plain_doses.levels()) << round;
+      moved += doses.levels() != levels ? 1 : 0;
+    }
+  }
+  EXPECT_GT(moved, 12);
+}
+
+/// Light around a layer: the levels of the slices that the tables know, of which some follow each other, and far light.
+struct LitLayer {
+  std::vector<int> levels;
+  double far;
+  LitLayer(std::mt19937& random, const InhibitedKernel& kernel, int usual)
+      : far(0.3 * static_cast<double>(random() % 1000U) / 1000) {
+    int level = usual;
+    for (int j = 0; j < kernel.near(); ++j) {
+      if (random() % 4U == 0) {
+        const auto most = static_cast<unsigned>(kernel.levels());
+        const unsigned kind = random() % 4U;
+        level = kind == 0   ? 0
+                : kind == 1 ? static_cast<int>(random() % most)
+                            : std::min(static_cast<int>(most) - 1,
+                                       usual * (90 + static_cast<int>(random() % 40U)) / 100);
+      }
+      levels.push_back(level);
+    }
+  }
+  void shine(InhibitedLayer& layer) const {
+    layer.begin(far);
+    for (std::size_t j = 0; j < levels.size(); ++j) {
+      layer.add(static_cast<int>(j), 0, levels[j], 1.0);
+    }
+  }
+};
+
+Process layerwise_of(double exposure_s) {
+  Process p = layerwise_process();
+  p.exposure_s = exposure_s;
+  return p;
+}
+
+TEST(InhibitedLayer, WhatIsSureWithoutALookIsWhatALookFinds) {
+  // Heights of layers and exponents; exposures that leave the steady dose of some level near 1.
+  struct Case {
+    double layer_um, m, exposure_s;
+  };
+  std::mt19937 random(7);
+  for (const Case& c :
+       {Case{50, 0.99, 1}, Case{100, 0.99, 2.4}, Case{50, 0.7, 5}, Case{20, 1, 0.4}}) {
+    const CureModel model = model_of(resin_1(c.m), layerwise_of(c.exposure_s), c.layer_um);
+    const InhibitedKernel& kernel = *model.inhibited();
+    ASSERT_TRUE(LayerFloor(kernel).exists());
+    int usual = 1;
+    while (usual + 1 < kernel.levels() && kernel.steady_dose(0, usual) < 1.004) ++usual;
+    ASSERT_GE(kernel.steady_dose(0, usual), 1.004);
+    InhibitedLayer layer(kernel);
+    int sure = 0, sure_below = 0, parted = 0;
+    for (int round = 0; round < 2000; ++round) {
+      const LitLayer lit(random, kernel, usual);
+      lit.shine(layer);
+      const LayerFloor::Doses doses{layer.at(0), layer.at(0.5), layer.at(1)};
+      LayerFloor floor(kernel);
+      for (std::size_t j = 0; j < lit.levels.size(); ++j) {
+        const int at = static_cast<int>(j);
+        floor.add(at, at, 0, lit.levels[j], 1.0);
+      }
+      const double low = floor.least(doses), high = floor.most(doses);
+      for (int i = 0; i <= 100; ++i) {
+        const double dose = layer.at(0.01 * i);
+        ASSERT_GE(dose, low - 1e-7) << round << ' ' << i;
+        ASSERT_LE(dose, high * (1 + 1e-7)) << round << ' ' << i;
+      }
+      const double known = round % 3 == 0 ? 1.0 : round % 3 == 1 ? 1.003 : 0.5;
+      const bool stays = layer.stays(doses, known);
+      InsideLayer found;
+      layer.sample(doses.lower, doses.middle, doses.upper);
+      layer.find(known, found);
+      parted += found.crossings.empty() ? 0 : 1;
+      if (!stays) continue;
+      ASSERT_TRUE(found.crossings.empty()) << round;
+      ASSERT_GE(found.least, std::min(known, doses.least()) - 1e-6) << round;
+      ++(doses.least() >= 1 ? sure : sure_below);
+    }
+    EXPECT_GT(sure, 100);
+    EXPECT_GT(sure_below, 100);
+    EXPECT_GT(parted, 20);
+  }
+}
+
+TEST(InhibitedLayer, NothingIsSureWhereTheBoundDoesNotHold) {
+  // An exponent above 1 bends upwards at the front, and layers higher than light is concave do so above it.
+  const auto exists = [](double layer_um, double m, bool layerwise) {
+    const CureModel model =
+        model_of(resin_1(m), layerwise ? layerwise_of(8) : uv_process(200, 200), layer_um);
+    return LayerFloor(*model.inhibited()).exists();
+  };
+  EXPECT_TRUE(exists(100, 0.99, true));
+  EXPECT_FALSE(exists(100, 1.29, true));
+  EXPECT_FALSE(exists(100, 0.99, false));
+  // With m = 1 light is concave as far as ln(1 + (1/huv^2 - 1/hb^2) hb^2) / (1/huv - 1/hb) from its front.
+  const double a = 1.0 / 408, u = 1.0 / 37.8;
+  const double concave_um = std::log(1 + (u * u - a * a) / (a * a)) / (u - a);
+  EXPECT_TRUE(exists(concave_um - 0.1, 1, true));
+  EXPECT_FALSE(exists(concave_um + 0.1, 1, true));
 }
 
 TEST(InhibitedDoses, OfBlocksAreThoseOfTheirColumns) {

@@ -311,15 +311,27 @@ void ColumnBand::read_left_alone(std::uint32_t column, std::size_t& i, ColumnBou
 /// Gives the slices to the sink, from the last to the first.
 void ColumnBand::show(const BandCorrector::Sink& sink) {
   std::vector<std::uint8_t> now(columns_, 0), coverage(columns_);
+  // Who changes at a slice: the first of them, and who of them comes after whom; -1: nobody.
+  std::vector<std::int32_t> first(static_cast<std::size_t>(facts_.all_layers), -1);
+  std::vector<std::int32_t> after(shown_.size());
+  const auto await = [&](std::size_t i) {
+    const std::int32_t next = shown_[i].next;
+    if (next < 0 || next >= facts_.all_layers) return;
+    after[i] = std::exchange(first[static_cast<std::size_t>(next)], static_cast<std::int32_t>(i));
+  };
+  for (std::size_t i = 0; i < shown_.size(); ++i) await(i);
   std::size_t lit = 0;
   for (int n = facts_.all_layers; n-- > 0;) {
-    for (Shown& shown : shown_) {
-      if (shown.next != n) continue;
+    for (std::int32_t who = first[static_cast<std::size_t>(n)]; who >= 0;) {
+      const auto i = static_cast<std::size_t>(who);
+      Shown& shown = shown_[i];
       std::uint8_t& level = now[shown.column];
       lit += static_cast<std::size_t>(level == 0);
       level = static_cast<std::uint8_t>(answers_[shown.answer][shown.at++]);
       lit -= static_cast<std::size_t>(level == 0);
       find_next(shown);
+      who = after[i];
+      await(i);
     }
     coded_.read(n, coverage.data());
     sink(n, now.data(), coverage.data(), lit == 0 && (n >= facts_.layers || coded_.black(n)));

@@ -3,6 +3,8 @@
 
 #include "correct/inhibited_doses.hpp"
 
+#include <utility>
+
 namespace slicecorr::detail {
 
 ColumnDoses::ColumnDoses(const InhibitedPlan& plan)
@@ -121,6 +123,7 @@ void ColumnDoses::add(int n, int level) {
   far_node_[i] += r * (plan_.node_light.last(s, level) - plan_.node_light.last(s, least));
   far_middle_[i] += r * (plan_.middle_light.last(s, level) - plan_.middle_light.last(s, least));
   move_light(n, least, level);
+  move_samples(n, least, level);
 }
 
 void ColumnDoses::add_same(int n, int end) {
@@ -181,16 +184,45 @@ void ColumnDoses::move_light(int n, int from, int to) {
   // The slice's own layer is the last of those that are changed; what passes the first is lost.
   const auto first = static_cast<std::size_t>(n) + 1;
   last_ = std::max(last_, n);
-  change_light({node.upwards(s, from), middle.upwards(s, from), node.upwards(s, to),
-                middle.upwards(s, to), r, reach_},
+  const double *const from_node = from == 0 ? nullptr : node.upwards(s, from),
+                      *const from_middle = from == 0 ? nullptr : middle.upwards(s, from);
+  change_light({from_node, from_middle, node.upwards(s, to), middle.upwards(s, to), r, reach_},
                near_node_.data() + first, near_middle_.data() + first);
+}
+
+/// The same inside layers, where that is asked for.
+void ColumnDoses::move_samples(int n, int from, int to) {
   if (!sampled_) return;
+  const int s = plan_.setting_of(n);
+  const double r = plan_.ratio_of(n);
   last_sampled_ = std::max(last_sampled_, n);
   const float* const table = plan_.kernel->fine(s);
   const auto row = static_cast<std::ptrdiff_t>(plan_.near) * kSamples;
   change_samples({table + from * row, table + to * row, static_cast<float>(r),
                   static_cast<std::size_t>(std::min(plan_.near, n + 1))},
                  &near_fine_[static_cast<std::size_t>(n) * kSamples]);
+}
+
+void ColumnDoses::remember(int n) {
+  const auto at = [](std::size_t i) { return static_cast<std::ptrdiff_t>(i); };
+  // As move_light() counts: what slice n - 1 reaches begins one layer further up.
+  kept_from_ = static_cast<std::size_t>(n);
+  for (auto [from, to] : {std::pair{&near_node_, &kept_node_}, {&near_middle_, &kept_middle_}}) {
+    const auto begin = from->begin() + at(kept_from_);
+    to->assign(begin, begin + at(reach_) + 1);
+  }
+  if (!sampled_) return;
+  kept_fine_from_ = static_cast<std::size_t>(std::max(0, n - plan_.near)) * kSamples;
+  kept_fine_.assign(near_fine_.begin() + at(kept_fine_from_),
+                    near_fine_.begin() + at(static_cast<std::size_t>(n) + 1) * kSamples);
+}
+
+void ColumnDoses::recall() {
+  const auto at = [](std::size_t i) { return static_cast<std::ptrdiff_t>(i); };
+  std::copy(kept_node_.begin(), kept_node_.end(), near_node_.begin() + at(kept_from_));
+  std::copy(kept_middle_.begin(), kept_middle_.end(), near_middle_.begin() + at(kept_from_));
+  if (!sampled_) return;
+  std::copy(kept_fine_.begin(), kept_fine_.end(), near_fine_.begin() + at(kept_fine_from_));
 }
 
 }  // namespace slicecorr::detail

@@ -46,8 +46,18 @@ class ColumnDoses {
   void change(int n, int level) {
     const auto i = static_cast<std::size_t>(n);
     move_light(n, levels_[i], level);
+    move_samples(n, levels_[i], level);
     levels_[i] = static_cast<Level>(level);
   }
+
+  /// Keeps the doses that other levels of slices n and n - 1 would change, for `recall`.
+  void remember(int n);
+  /// Gives the layers within reach of the tables the light of another level of slice n, until `recall`; to their
+  /// insides only with `try_samples`. The slice keeps its level.
+  void try_level(int n, int level) { move_light(n, this->level(n), level); }
+  void try_samples(int n, int level) { move_samples(n, this->level(n), level); }
+  /// Brings the doses back as they were at the last `remember`.
+  void recall();
 
   const std::vector<Level>& levels() const { return levels_; }
   int level(int n) const { return levels_[static_cast<std::size_t>(n)]; }
@@ -148,6 +158,7 @@ class ColumnDoses {
   double far_of_own(int k, int next) const;
   void blacken(int last);
   void move_light(int n, int from, int to);
+  void move_samples(int n, int from, int to);
 
   const InhibitedPlan& plan_;
   std::vector<Level> levels_;  ///< per slice
@@ -158,10 +169,14 @@ class ColumnDoses {
   std::vector<double> near_node_, near_middle_;
   std::vector<double> far_node_, far_middle_;  ///< F, per slice, and 0 as far as any layer looks
   std::vector<double> kept_;                   ///< by add_same()
-  std::vector<float> near_fine_;               ///< per layer and sample, while sampled()
-  std::size_t reach_;                          ///< layers to which the loops give light
-  int last_ = -1;                              ///< slices after it add nothing to any of these
-  int last_sampled_ = -1;                      ///< the same of near_fine_
+  /// What remember() kept, and from where on it belongs.
+  std::vector<double> kept_node_, kept_middle_;
+  std::vector<float> kept_fine_;
+  std::size_t kept_from_ = 0, kept_fine_from_ = 0;
+  std::vector<float> near_fine_;  ///< per layer and sample, while sampled()
+  std::size_t reach_;             ///< layers to which the loops give light
+  int last_ = -1;                 ///< slices after it add nothing to any of these
+  int last_sampled_ = -1;         ///< the same of near_fine_
   bool sampled_ = false;
   float fade_[kSamples];  ///< of far light, from a layer's upper end to its samples
 };

@@ -188,6 +188,7 @@ void ColumnJudge::look_inside(int k) {
   }
   // The layer's own slice adds nothing at the window, unless resin cures there.
   const double own = steps ? plan_.ratio_of(k) * kernel.added(k, level, k + 1.0) : 0.0;
+  if (inside_.least >= 1.0 && layer_.stays({below + own, half, above}, 1.0)) return;
   layer_.sample(below + own, half, above);
   layer_.find(0.0, inside_);
   if (safe && inside_.crossings.empty() && inside_.least >= 1.0) {

@@ -9,8 +9,22 @@
 
 namespace slicecorr::detail {
 
+namespace {
+
 SLICECORR_CLONES
-void change_light(const ChangedLight& light, double* node, double* middle) {
+void add_light(const ChangedLight& light, double* node, double* middle) {
+  const double* __restrict const to_node = light.to_node;
+  const double* __restrict const to_middle = light.to_middle;
+  const double times = light.times;
+  constexpr std::size_t lanes = 8;
+  for (std::size_t b = 0; b < light.reach; b += lanes) {
+    for (std::size_t i = b; i < b + lanes; ++i) node[i] += times * to_node[i];
+    for (std::size_t i = b; i < b + lanes; ++i) middle[i] += times * to_middle[i];
+  }
+}
+
+SLICECORR_CLONES
+void exchange_light(const ChangedLight& light, double* node, double* middle) {
   const double* __restrict const from_node = light.from_node;
   const double* __restrict const from_middle = light.from_middle;
   const double* __restrict const to_node = light.to_node;
@@ -25,6 +39,12 @@ void change_light(const ChangedLight& light, double* node, double* middle) {
       middle[i] += times * (to_middle[i] - from_middle[i]);
     }
   }
+}
+
+}  // namespace
+
+void change_light(const ChangedLight& light, double* node, double* middle) {
+  (light.from_node ? exchange_light : add_light)(light, node, middle);
 }
 
 SLICECORR_CLONES

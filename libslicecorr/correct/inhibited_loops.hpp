@@ -14,10 +14,11 @@ namespace slicecorr::detail {
 /// The light that a slice gives the layers within reach of the tables, and another that takes its
 /// place.
 struct ChangedLight {
-  const double *from_node, *from_middle;  ///< `ExtraLight::upwards` of the old level
-  const double *to_node, *to_middle;      ///< of the new one
-  double times;                           ///< how often the slice counts
-  std::size_t reach;                      ///< `ExtraLight::reach`: a multiple of 8
+  /// `ExtraLight::upwards` of the old level; null: it was black, which gives nothing.
+  const double *from_node, *from_middle;
+  const double *to_node, *to_middle;  ///< of the new one
+  double times;                       ///< how often the slice counts
+  std::size_t reach;                  ///< `ExtraLight::reach`: a multiple of 8
 };
 /// Adds what changes to the doses of `reach` layers from `node` and `middle` on.
 void change_light(const ChangedLight& light, double* node, double* middle);

@@ -5,6 +5,7 @@
 /// leaves with wrong voxels: features and gaps thinner than the light can draw.
 #pragma once
 
+#include <algorithm>
 #include <vector>
 
 #include "correct/inhibited_design.hpp"
@@ -32,6 +33,7 @@ class ColumnPolish {
     int level;
     int previous = -1;  ///< level of the slice before; -1: it keeps its own
   };
+  void read_costs(int begin, int end);
   bool improve(int n);
   /// Whether slice n can have this level.
   bool is_possible(int n, int level) const {
@@ -39,14 +41,22 @@ class ColumnPolish {
   }
   void try_level(int n, int level, Best& best);
   void try_pair(int n, int level, int previous, Best& best);
-  double cost_around(int n);
+  /// Layers begin .. end - 1 are within reach of slice n's tables, where the light of the slice counts most.
+  int begin_of(int n) const { return std::max(0, n - plan_.near + 1); }
+  double cost_of_edges(int n) const;
+  double cost_of_dip(int k) const;
+  double cost_around(int n) const;
+  /// The same with the levels that are tried, in `best`'s place; at least `best.cost` where it is not less.
+  double cost_of(int n, const Best& tried, const Best& best);
 
   const InhibitedPlan& plan_;
   const ColumnDesign& design_;
   ColumnDoses& doses_;
   const std::vector<Level>& caps_;
   double dip_weight_ = 0;
-  std::vector<double> costs_;
+  /// Per layer, with the levels as they are: what its middle costs, and its dips.
+  std::vector<double> costs_, dips_;
+  std::vector<double> tried_;  ///< what middles cost with levels that are tried
 };
 
 }  // namespace slicecorr::detail

@@ -72,7 +72,8 @@ InhibitedLayer::InhibitedLayer(const InhibitedKernel& kernel, bool places)
       fall_(-std::log(kernel.a())),
       precision_(std::min(kPrecisionUm / kernel.layer_um(), 1e-3)),
       places_(places),
-      fine_(static_cast<std::size_t>(kernel.settings()), nullptr) {
+      fine_(static_cast<std::size_t>(kernel.settings()), nullptr),
+      floor_(kernel) {
   steady_.resize(static_cast<std::size_t>(kernel.settings()));
   for (int i = 0; i < kSamples; ++i) fade_[i] = std::exp(-fall_ * (i + 1) / kSamples);
 }
@@ -101,6 +102,16 @@ void InhibitedLayer::add(int first, int last, int setting, int level, double wei
     }
   }
   lights_.push_back({first, last, setting, level, weight});
+}
+
+bool InhibitedLayer::stays(const LayerFloor::Doses& doses, double known) {
+  if (!floor_.exists()) return false;
+  floor_.begin();
+  for (const Light& light : lights_) {
+    floor_.add(light.first, light.last, light.setting, light.level, light.weight);
+  }
+  const double least = floor_.least(doses);
+  return least >= std::min(known, doses.least()) && (least >= 1.0 || floor_.most(doses) < 1.0);
 }
 
 /// `at` where layers are not alike.

@@ -12,6 +12,7 @@
 #include <cstddef>
 #include <vector>
 
+#include "cure/layer_floor.hpp"
 #include "slicecorr/dose.hpp"
 #include "slicecorr/inhibited.hpp"
 
@@ -46,6 +47,9 @@ class InhibitedLayer {
   void add(int j, int setting, int level, double weight) { add(j, j, setting, level, weight); }
   /// The same of slices first..last.
   void add(int first, int last, int setting, int level, double weight);
+  /// After the last `add`, from the doses at the ends and in the middle: whether it is sure without samples that the
+  /// dose does not pass 1, and that none of the layer is less than these three or `known`.
+  bool stays(const LayerFloor::Doses& doses, double known);
   /// After the last `add`. Samples the dose at (i + 1) / kSamples. The doses at the ends and in the
   /// middle are the caller's: it knows them better than samples do.
   void sample(double lower, double middle, double upper);
@@ -103,6 +107,7 @@ class InhibitedLayer {
   std::vector<std::vector<Steady>> steady_;  ///< [setting][level], made when it is asked for
   std::vector<Point> points_;
   double fade_[kSamples];  ///< of what comes from far
+  LayerFloor floor_;
 };
 
 }  // namespace slicecorr::detail

@@ -176,6 +176,12 @@ class InhibitedWalker final : public DoseWalker {
         layer_.add(static_cast<int>(j), shown.setting, shown.levels[i], shown.of(i));
       }
     }
+    const LayerFloor::Doses doses{lower[i], middle[i], upper[i]};
+    if (layer_.stays(doses, known)) {
+      out.crossings.clear();
+      out.least = doses.least();
+      return;
+    }
     layer_.sample(lower[i], middle[i], upper[i]);
     layer_.find(known, out);
   }

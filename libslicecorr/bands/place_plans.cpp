@@ -9,6 +9,7 @@
 #include <span>
 
 #include "bands/place_check.hpp"
+#include "correct/inhibited_plan.hpp"
 #include "process/even_back.hpp"
 
 namespace slicecorr::detail {

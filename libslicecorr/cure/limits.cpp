@@ -27,7 +27,6 @@ using detail::Counts;
 using detail::gels;
 using detail::has_own_speeds;
 using detail::is_continuous;
-using detail::limit_doses;
 using detail::LimitDoses;
 using detail::most_black;
 using detail::weakest_layer;

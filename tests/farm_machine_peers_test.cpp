@@ -102,6 +102,31 @@ TEST_P(MachinePeers, AFileThatIsDroppedIsNotThere) {
   EXPECT_EQ(made.peer.begun(), 1);
 }
 
+// Numbers of the protocol are told in its words (ErrorStatusReason in the history of prints, ErrorCode of the topic of
+// errors), to whoever clears the plate and to whoever sent the file.
+TEST(MachinePeersAlone, Sdcp3SaysInWordsWhyAPrintFailedAndAFileWasDropped) {
+  if (!has_peer_python()) GTEST_SKIP() << "python3 is not installed";
+  {
+    MachineRoomOfTest made(kSdcp3, {"layer-s=5", "reason=5"});
+    MachineRoom room = made.room();
+    room.send(made.file());
+    room.start(kBothWords);
+    made.peer.tell("power");
+    EXPECT_TRUE(eventually([&] {
+      static_cast<void>(room.look());
+      return room.record().print_state == "failed";
+    })) << room.record().print_state;
+    EXPECT_EQ(room.record().print_why, "there is no resin");
+    EXPECT_THAT(refusal([&] { room.start(kBothWords); }),
+                HasSubstr("a print ended: failed (there is no resin)"));
+  }
+  MachineRoomOfTest made(kSdcp3, {"junk", "error-push=1"});
+  MachineRoom room = made.room();
+  EXPECT_THAT(refusal([&] { room.send(made.file()); }),
+              AllOf(HasSubstr("dropped"),
+                    HasSubstr("it says: the checksum of the file that it got is wrong")));
+}
+
 TEST_P(MachinePeers, AnUploadThatBreaksCountsForNothing) {
   MachineRoomOfTest made(GetParam(), {"reset-at=5000"});
   MachineRoom room = made.room();

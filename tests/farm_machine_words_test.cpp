@@ -76,6 +76,37 @@ TEST(MachineWords, StatesOfAMachine) {
   EXPECT_EQ(status_of("[[[[").state, MachineState::unknown);
 }
 
+// Each number that the protocol names has words; others stay numbers, and nothing is no end.
+TEST(MachineWords, HowAndWhyAPrintEnded) {
+  const auto end = [](const std::string& entry) { return detail::sdcp_end(sdcp_json(entry)); };
+  EXPECT_FALSE(end(R"({"TaskStatus":0})"));
+  EXPECT_EQ(end(R"({"TaskStatus":1,"ErrorStatusReason":0})")->state, MachineState::finished);
+  EXPECT_EQ(end(R"({"TaskStatus":3})")->why, "");
+  const auto why = [&](int reason) {
+    const auto said = end(R"({"TaskStatus":2,"ErrorStatusReason":)" + std::to_string(reason) + "}");
+    return said && said->state == MachineState::failed ? said->why : "no failure";
+  };
+  EXPECT_EQ(why(0), "");
+  EXPECT_EQ(why(1), "it got too hot");
+  EXPECT_EQ(why(8), "the model came off");
+  EXPECT_EQ(why(11), "its release film is worn out");
+  EXPECT_EQ(why(14), "its Z axis did not find its home");
+  EXPECT_EQ(why(18), "a model is on the platform");
+  EXPECT_EQ(why(24), "the file is bad");
+  EXPECT_EQ(why(34), "the vat's sensor has a fault");
+  EXPECT_EQ(why(23), "reason 23");
+  EXPECT_EQ(why(35), "reason 35");
+  const auto error = [](const std::string& code) {
+    return detail::sdcp_error(
+        sdcp_json(R"({"Data":{"Data":{"ErrorCode":)" + code + R"(}},"Topic":"sdcp/error/1"})"));
+  };
+  EXPECT_THAT(error("1"), HasSubstr("checksum"));
+  EXPECT_THAT(error("\"2\""), HasSubstr("format"));
+  EXPECT_EQ(error("9"), "error 9");
+  EXPECT_EQ(error("0"), "");
+  EXPECT_EQ(detail::sdcp_error(sdcp_json(R"({"Topic":"sdcp/status/1"})")), "");
+}
+
 TEST(MachineWords, AnswersToAPart) {
   EXPECT_TRUE(
       detail::sdcp_part(200, R"({"code":"000000","messages":null,"data":{},"success":true})")
@@ -206,7 +237,7 @@ TEST_F(MachinesFile, WhatIsWrongIsNamed) {
 }
 
 TEST(MachineRecords, AreFollowed) {
-  const auto nothing = [](const std::string&) { return std::optional<MachineState>(); };
+  const auto nothing = [](const std::string&) { return std::optional<PrintEnd>(); };
   const auto seen = [](MachineState state, const std::string& file) {
     MachineStatus s;
     s.state = state;
@@ -233,6 +264,15 @@ TEST(MachineRecords, AreFollowed) {
   stopped.stop_asked = true;
   detail::follow(stopped, seen(MachineState::idle, ""), 2, nothing);
   EXPECT_EQ(stopped.print_state, "stopped");
+  // Why, in the words of the machine, which whoever clears the plate reads.
+  MachineRecord failed = asked;
+  failed.print_state = "begun";
+  detail::follow(failed, seen(MachineState::idle, ""), 2, [](const std::string&) {
+    return std::optional(PrintEnd{MachineState::failed, "there is no resin"});
+  });
+  EXPECT_EQ(failed.print_state, "failed");
+  EXPECT_EQ(failed.print_why, "there is no resin");
+  EXPECT_EQ(failed.plate_why, "a print ended: failed (there is no resin)");
   // Somebody else's print: the plate is full, and our word is not taken for it.
   MachineRecord other;
   detail::follow(other, seen(MachineState::printing, "b.goo"), 3, nothing);

@@ -114,6 +114,10 @@ class Machine:
         pass
 
 
+def busy_with(machine):
+    return machine.checking or machine.receiving
+
+
 class Sdcp3(Machine):
     ID = "000000000001d354"
 
@@ -239,7 +243,9 @@ class Sdcp3(Machine):
         if cmd == 321:
             numbers = {"finished": 1, "stopped": 3, "power": 2}
             return {"Ack": 0, "HistoryDetailList": [
-                {"TaskId": t, "TaskStatus": numbers.get(self.tasks[t], 0)} for t in data.get("Id", []) if t in self.tasks]}
+                {"TaskId": t, "TaskStatus": numbers.get(self.tasks[t], 0)} |
+                ({"ErrorStatusReason": int(self.traps["reason"])} if "reason" in self.traps else {})
+                for t in data.get("Id", []) if t in self.tasks]}
         return {"Ack": 0}
 
     # --- HTTP and WebSocket on one port
@@ -339,6 +345,9 @@ class Sdcp3(Machine):
         self.send(writer, json.dumps(other))
         self.send(writer, json.dumps(response, ensure_ascii=False))
         if cmd == 0:
+            if "error-push" in self.traps and not self.print and not busy_with(self):
+                self.push(writer, {"Id": "b", "Data": {"Data": {"ErrorCode": self.traps["error-push"]}, "MainboardID": self.ID},
+                                   "Topic": f"sdcp/error/{self.ID}"})
             self.push(writer, self.now())
         if cmd == 1:
             self.push(writer, self.attributes())

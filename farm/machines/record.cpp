@@ -37,6 +37,7 @@ Json object_of(const MachineRecord& r) {
           {"print_file", r.print_file},
           {"print_task", r.print_task},
           {"print_state", r.print_state},
+          {"print_why", r.print_why},
           {"last_layer", r.last_layer},
           {"layers", r.layers},
           {"print_asked_ms", r.print_asked_ms},
@@ -82,6 +83,7 @@ MachineRecord read_record(const std::string& path) {
   r.print_file = text_in(json, "print_file");
   r.print_task = text_in(json, "print_task");
   r.print_state = text_in(json, "print_state");
+  r.print_why = text_in(json, "print_why");
   r.last_layer = whole_in(json, "last_layer", 0);
   r.layers = whole_in(json, "layers", 0);
   r.print_asked_ms = number("print_asked_ms");
@@ -112,7 +114,7 @@ bool same_file(const std::string& a, const std::string& b) {
 }
 
 void follow(MachineRecord& r, const MachineStatus& status, std::int64_t wall_ms,
-            const std::function<std::optional<MachineState>(const std::string& task)>& ended) {
+            const std::function<std::optional<PrintEnd>(const std::string& task)>& ended) {
   if (status.state == MachineState::unknown) return;
   const bool named = !status.file.empty();
   const bool ours = !named || same_file(status.file, r.print_file);
@@ -139,9 +141,11 @@ void follow(MachineRecord& r, const MachineStatus& status, std::int64_t wall_ms,
   const bool over = is_at_rest(status.state) || status.state == MachineState::failed;
   if (r.print_state != "begun" || !over) return;
   MachineState how = status.state;
+  r.print_why = how == MachineState::failed ? status.trouble : "";
   if (how == MachineState::idle) {
     if (const auto said = ended(r.print_task)) {
-      how = *said;
+      how = said->state;
+      r.print_why = said->why;
     } else if (r.stop_asked) {
       how = MachineState::stopped;
     } else if (r.layers > 0 && r.last_layer >= r.layers) {
@@ -151,6 +155,7 @@ void follow(MachineRecord& r, const MachineStatus& status, std::int64_t wall_ms,
   r.print_state = how == MachineState::idle ? "ended" : name_of(how);
   r.print_ended_ms = wall_ms;
   r.plate_why = "a print ended: " + r.print_state;
+  if (!r.print_why.empty()) r.plate_why += " (" + r.print_why + ")";
 }
 
 ActLock::ActLock(const std::string& path) {

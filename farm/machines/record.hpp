@@ -20,7 +20,7 @@ void write_record(const std::string& path, const MachineRecord& record);
 /// What a look at the machine says of the print that is remembered. `ended`: asks the machine how a
 /// print of this task ended.
 void follow(MachineRecord& record, const MachineStatus& status, std::int64_t wall_ms,
-            const std::function<std::optional<MachineState>(const std::string& task)>& ended);
+            const std::function<std::optional<PrintEnd>(const std::string& task)>& ended);
 
 /// Whether two names are of one file: machines put folders before names.
 bool same_file(const std::string& a, const std::string& b);

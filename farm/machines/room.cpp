@@ -92,7 +92,7 @@ struct MachineRoom::Parts {
       try {
         return ask().ended(task);
       } catch (const DeviceError&) {
-        return std::optional<MachineState>();
+        return std::optional<PrintEnd>();
       }
     });
     if (record_json(record) != before) detail::write_record(path, record);
@@ -230,10 +230,13 @@ void MachineRoom::Parts::wait_until_listed(MachineRecord& record, const std::str
   const double settle_s = ask().lists_late() ? times.listed_s : times.settle_s;
   const auto begin = Steady::now();
   auto rests_since = begin;
+  std::string trouble;
   for (;;) {
     const auto now = Steady::now();
     try {
-      if (!is_at_rest(status_now(record).state)) {
+      const MachineStatus status = status_now(record);
+      trouble = status.trouble;
+      if (!is_at_rest(status.state)) {
         rests_since = now;
       } else if (const auto held = ask().holds(name)) {
         if (held->bytes < 0 || held->bytes == bytes) return;
@@ -248,7 +251,8 @@ void MachineRoom::Parts::wait_until_listed(MachineRecord& record, const std::str
     };
     if (seconds(rests_since) > settle_s) {
       throw InputError(machine.name +
-                       ": took the whole file, then dropped it: it does not list it");
+                       ": took the whole file, then dropped it: it does not list it" +
+                       (trouble.empty() ? "" : "; it says: " + trouble));
     }
     if (seconds(begin) > most_s) {
       throw DeviceError(machine.name + ": did not finish checking the file in time");
@@ -376,6 +380,7 @@ void MachineRoom::start(const StartWords& words) {
   record.print_file = record.file;
   record.print_task.clear();
   record.print_state = "asked";
+  record.print_why.clear();
   record.last_layer = record.layers = 0;
   record.print_asked_ms = system_clock().wall_ms();
   record.print_ended_ms = 0;

@@ -94,6 +94,43 @@ const char* const kErrors[] = {"",
                                "the file has a format that it does not read",
                                "the file is for another machine"};
 
+/// Why a print ended, by `ErrorStatusReason`. No source names 23.
+const char* const kReasons[] = {"",
+                                "it got too hot",
+                                "its strain gauge was not calibrated",
+                                "the resin is low",
+                                "the print needs more resin than the vat holds",
+                                "there is no resin",
+                                "something foreign is in the vat",
+                                "its platform was not levelled",
+                                "the model came off",
+                                "its strain gauge does not answer",
+                                "its LCD has a fault",
+                                "its release film is worn out",
+                                "the USB disk was pulled out",
+                                "its X axis did not find its home",
+                                "its Z axis did not find its home",
+                                "the resin stands too high",
+                                "the resin stands too low",
+                                "an axis did not find its home",
+                                "a model is on the platform",
+                                "the print had a fault",
+                                "a motor has a fault",
+                                "no model was seen",
+                                "the model is warped",
+                                "reason 23",
+                                "the file is bad",
+                                "its camera has a fault",
+                                "the network has a fault",
+                                "its server can't be reached",
+                                "its app can't be reached",
+                                "its resin feeder has a fault",
+                                "its resin feeder has a fault",
+                                "its resin feeder has a fault",
+                                "its resin feeder has a fault",
+                                "the vat's sensor has a fault",
+                                "the vat's sensor has a fault"};
+
 void read_print(const SdcpJson& info, MachineStatus& s) {
   const auto whole = [&](const char* key) -> std::optional<int> {
     const auto n = number_in(info, key);
@@ -161,6 +198,39 @@ MachineStatus sdcp_status(const SdcpJson& message, bool first) {
                                                              : fmt::format("error {}", error);
   }
   return s;
+}
+
+std::optional<PrintEnd> sdcp_end(const SdcpJson& task) {
+  PrintEnd end;
+  switch (whole_in(task, "TaskStatus", 0)) {
+    case 1:
+      end.state = MachineState::finished;
+      return end;
+    case 2:
+      end.state = MachineState::failed;
+      break;
+    case 3:
+      end.state = MachineState::stopped;
+      break;
+    default:
+      return std::nullopt;
+  }
+  const int reason = loose_number(member_of(task, "ErrorStatusReason")).value_or(0);
+  if (reason > 0) {
+    end.why = reason < static_cast<int>(std::size(kReasons)) ? kReasons[reason]
+                                                             : fmt::format("reason {}", reason);
+  }
+  return end;
+}
+
+std::string sdcp_error(const SdcpJson& message) {
+  const SdcpJson& data = member_of(member_of(message, "Data"), "Data");
+  const auto code = loose_number(member_of(data, "ErrorCode"));
+  if (text_in(message, "Topic").find("sdcp/error/") == std::string::npos || !code || *code == 0)
+    return {};
+  return *code == 1   ? "the checksum of the file that it got is wrong"
+         : *code == 2 ? "the file that it got has a format that it does not read"
+                      : fmt::format("error {}", *code);
 }
 
 MachineFacts sdcp_facts(const SdcpJson& message) {

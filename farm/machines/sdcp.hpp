@@ -26,6 +26,12 @@ MachineStatus sdcp_status(const SdcpJson& message, bool first = false);
 /// The member `Status` of a message; null where there is none.
 const SdcpJson& sdcp_status_of(const SdcpJson& message);
 
+/// How a print ended, by its entry in the machine's history; nothing where that says none of it.
+std::optional<PrintEnd> sdcp_end(const SdcpJson& task);
+
+/// What a message of the topic of errors says; empty: it is none.
+std::string sdcp_error(const SdcpJson& message);
+
 /// Attributes: the whole message.
 MachineFacts sdcp_facts(const SdcpJson& message);
 

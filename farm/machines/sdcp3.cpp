@@ -53,13 +53,18 @@ class Sdcp3 final : public MachineAdapter {
     for (int i = 0; i < kSilent; ++i) {
       came_ = {};
       static_cast<void>(request(0));
-      if (wait_for([&] { return came_.status; }, times_.answer_s / kSilent)) return status_;
+      if (!wait_for([&] { return came_.status; }, times_.answer_s / kSilent)) continue;
+      MachineStatus status = status_;
+      // Told once, of the last file, and in no status.
+      if (status.trouble.empty()) status.trouble = error_;
+      return status;
     }
     throw DeviceError(where() + ": acknowledges, but never says its status");
   }
 
   std::string upload(const MachineFile& file, const UploadProgress& progress) override {
     HttpCalls http(machine_.host, port_, times_);
+    error_.clear();
     for (int begun = 0; begun < 2; ++begun) {
       if (upload_once(http, file, progress)) return file.name;
     }
@@ -94,22 +99,12 @@ class Sdcp3 final : public MachineAdapter {
   void stop() override { control(130, "stop"); }
   void resume() override { control(131, "go on"); }
 
-  std::optional<MachineState> ended(const std::string& task) override {
+  std::optional<PrintEnd> ended(const std::string& task) override {
     if (task.empty()) return std::nullopt;
     const SdcpJson answer = request(321, {{"Id", SdcpJson::array({task})}});
     const SdcpJson& list = member_of(answer, "HistoryDetailList");
     for (std::size_t i = 0; list.is_array() && i < list.size(); ++i) {
-      if (text_in(list[i], "TaskId") != task) continue;
-      switch (whole_in(list[i], "TaskStatus", 0)) {
-        case 1:
-          return MachineState::finished;
-        case 2:
-          return MachineState::failed;
-        case 3:
-          return MachineState::stopped;
-        default:
-          return std::nullopt;
-      }
+      if (text_in(list[i], "TaskId") == task) return sdcp_end(list[i]);
     }
     return std::nullopt;
   }
@@ -147,6 +142,8 @@ class Sdcp3 final : public MachineAdapter {
     if (sdcp_status_of(message).is_object()) {
       status_ = sdcp_status(message);
       came_.status = true;
+    } else if (std::string error = sdcp_error(message); !error.empty()) {
+      error_ = std::move(error);
     } else if (topic.find("attributes") != topic.npos || message.contains("Attributes")) {
       facts_ = sdcp_facts(message);
       came_.facts = true;
@@ -236,6 +233,7 @@ class Sdcp3 final : public MachineAdapter {
   std::unique_ptr<WebSocket> socket_;
   MachineStatus status_;
   MachineFacts facts_;
+  std::string error_;  ///< of the file that was sent last, in words
   Came came_;
 };
 

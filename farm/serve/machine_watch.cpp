@@ -217,8 +217,9 @@ void MachineWatch::tell(const Watched& before, const MachineView& now, bool trou
       events.emplace_back("machine_began", fmt::format("{} prints {}", name, is.print_file));
     } else if (!is.print_state.empty()) {
       events.emplace_back("machine_ended",
-                          fmt::format("{}: the print of {} is {}; its plate waits to be cleared",
-                                      name, is.print_file, is.print_state));
+                          fmt::format("{}: the print of {} is {}{}; its plate waits to be cleared",
+                                      name, is.print_file, is.print_state,
+                                      is.print_why.empty() ? "" : " (" + is.print_why + ")"));
     }
   }
   if (troubled && !before.troubled) {

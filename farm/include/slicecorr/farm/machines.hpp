@@ -112,6 +112,12 @@ struct MachineStatus {
   std::string trouble;                  ///< in words; empty: none
 };
 
+/// How a print ended, as its machine says.
+struct PrintEnd {
+  MachineState state = MachineState::unknown;  ///< `finished`, `stopped` or `failed`
+  std::string why;                             ///< in words; empty: it does not say
+};
+
 /// What a machine is.
 struct MachineFacts {
   std::string model, firmware, id;
@@ -182,8 +188,8 @@ class MachineAdapter {
     static_cast<void>(status);
     return {};
   }
-  /// How a print of this machine's own ended, `finished`, `stopped` or `failed`, where it can be asked.
-  virtual std::optional<MachineState> ended(const std::string& task) {
+  /// How a print of this machine's own ended, where it can be asked.
+  virtual std::optional<PrintEnd> ended(const std::string& task) {
     static_cast<void>(task);
     return std::nullopt;
   }
@@ -205,6 +211,7 @@ struct MachineRecord {
   /// "" (none), "asked" (whether it began is not known), "begun", "finished", "stopped", "failed", or
   /// "ended": nobody saw how.
   std::string print_state;
+  std::string print_why;           ///< why it ended so, in words; empty: the machine does not say
   int last_layer = 0, layers = 0;  ///< of the print, when it was seen last; 0: not said
   std::int64_t print_asked_ms = 0, print_ended_ms = 0;  ///< wall clock, since 1970
   std::vector<long long> sent_jobs;  ///< whose outputs were sent, the last thousand of them

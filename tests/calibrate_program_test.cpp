@@ -109,6 +109,20 @@ TEST_F(CalibrateProgram, TheFiguresAreInItsJson) {
   EXPECT_EQ(resinctl(mw).exit_code, 0);
 }
 
+TEST_F(CalibrateProgram, ATableThatWasPastedTwiceIsTold) {
+  write("dark.toml", kUnlitPrinter);
+  const std::string rows = std::string(kKnown).substr(std::string(kKnown).find('\n') + 1);
+  const auto told = [&](const std::string& more) {
+    write("films.csv", kKnown + more);
+    const RunResult r = resinctl({"calibrate", "films.csv", "--printer", "dark.toml"});
+    EXPECT_EQ(r.exit_code, 0) << r.err;
+    return r.out + r.err;
+  };
+  // The same square read again is one more measurement.
+  EXPECT_THAT(told("255,8,150.00\n"), testing::Not(HasSubstr("digit for digit")));
+  EXPECT_THAT(told(rows), HasSubstr("5 of 10 measurements repeat earlier ones digit for digit"));
+}
+
 TEST_F(CalibrateProgram, WhatIsWrongLeavesNothingBehind) {
   write("dark.toml", kUnlitPrinter);
   write("films.csv", kKnown);

@@ -122,6 +122,19 @@ TEST_F(GelTimeFiles, TablesOfTimes) {
       read_times_to_gel({put("z.csv", "intensity_mw_cm2,time_s,colour\n1,10,red\n10,2,green\n")}));
   EXPECT_THAT(coloured.warnings, testing::Contains(HasSubstr("column 'colour' is passed over")));
   EXPECT_THAT(complaint(put("e.csv", "intensity_mw_cm2,time_s\n")), HasSubstr("e.csv"));
+  // Repeats are measurements; a table that was pasted once more is told, and a file given twice refused.
+  const std::string rows = "1,10\n2,6\n4,3.5\n10,2\n";
+  const auto repeats = [&](const std::string& text) {
+    return read_times_to_gel({put("p.csv", "intensity_mw_cm2,time_s\n" + text)}).warnings;
+  };
+  EXPECT_TRUE(repeats(rows + "1,10\n1,10\n").empty());
+  EXPECT_THAT(repeats(rows + rows), testing::Contains(HasSubstr("4 of 8 measurements repeat")));
+  try {
+    read_times_to_gel({plain, plain});
+    FAIL() << "a file counted twice";
+  } catch (const InputError& e) {
+    EXPECT_THAT(e.what(), HasSubstr("a.csv: is given twice"));
+  }
 }
 
 TEST(GelTimeFit, MeasuredConversionsOfBisEma) {

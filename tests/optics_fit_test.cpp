@@ -153,6 +153,16 @@ TEST(OpticsFit, PointsWithoutScatterGiveTheMachine) {
               11.8, 1e-5);
 }
 
+TEST(OpticsFit, ATableThatWasPastedTwiceIsTold) {
+  OpticsPoints points = measured(true_machine(), kN, 0.1, 1);
+  const auto repeats = [&] { return fit_optics(points, webber(), 1.45).notes; };
+  EXPECT_THAT(repeats(), testing::Not(testing::Contains(testing::HasSubstr("digit for digit"))));
+  const std::vector<OpticsPoint> once = points.points;
+  points.points.insert(points.points.end(), once.begin(), once.end());
+  EXPECT_THAT(repeats(), testing::Contains(testing::HasSubstr(fmt::format(
+                             "{} of {} measurements repeat", once.size(), 2 * once.size()))));
+}
+
 // 95 % of 8 runs have a standard deviation of 7.7 %: three of them below is 71.9 %.
 TEST(OpticsCoverage, IntervalsHoldTheTruthAsOftenAsTheySay) {
   std::map<std::string, int> inside;

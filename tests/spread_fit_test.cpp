@@ -149,6 +149,19 @@ TEST(SpreadFit, ExactWidthsGiveExactParameters) {
               testing::Contains(HasSubstr("try --gaussians 2")));
 }
 
+// Rows that are there twice are two measurements; a table that was pasted once more is told.
+TEST(SpreadFit, ATableThatWasPastedTwiceIsTold) {
+  const Printer printer = printer_of_lab();
+  SpreadMeasurements widths = measured(Lab(), 1, 1);
+  const auto repeats = [&] { return fit_spread(widths, with(printer)).notes; };
+  EXPECT_THAT(repeats(), testing::Not(testing::Contains(HasSubstr("digit for digit"))));
+  const std::size_t once = widths.widths.size();
+  widths.widths.insert(widths.widths.end(), widths.widths.begin(),
+                       widths.widths.begin() + static_cast<std::ptrdiff_t>(once));
+  EXPECT_THAT(repeats(), testing::Contains(HasSubstr(fmt::format(
+                             "{} of {} measurements repeat earlier ones", once, 2 * once))));
+}
+
 TEST(SpreadFit, WidthsOfAPrintThatMoved) {
   const Printer printer = printer_of_lab();
   const Resin resin = test::resin(100, 1000);

@@ -81,6 +81,15 @@ TEST(ThresholdFit, AsAUserCallsIt) {
   EXPECT_NEAR(j["parameters"]["threshold_mw_cm2"]["value"].get<double>(), 0.2, 1e-6);
   EXPECT_NEAR(j["resin"]["inhibition_resupply_mj_cm3_s"].get<double>(), 0.11, 1e-6);
   EXPECT_NEAR(j["resin"]["gel_dose_mj_cm3"].get<double>(), 0.55 * 24, 1e-4);
+  // What reading the times told is told on.
+  const std::string rows = "0.4,120\n0.8,40\n1.2,24\n1.6,17.142857\n";
+  test::write_file(folder / "times.csv",
+                   test::to_bytes("intensity_mw_cm2,time_s,colour\n" + rows + rows));
+  const test::RunResult twice = fit({"gel-time", "--threshold"});
+  EXPECT_NE(twice.out.find("4 of 8 measurements repeat earlier ones digit for digit"),
+            std::string::npos)
+      << twice.out;
+  EXPECT_NE(twice.out.find("column 'colour' is passed over"), std::string::npos) << twice.out;
   EXPECT_EQ(fit({"jacobs", "--threshold"}).exit_code, 2);
   EXPECT_EQ(fit({"gel-time", "--threshold", "-o", "x.toml"}).exit_code, 2);
 }

@@ -11,6 +11,7 @@
 #include <set>
 
 #include "slicecorr/error.hpp"
+#include "slicecorr/resins/repeated_rows.hpp"
 
 namespace slicecorr::resins::detail {
 
@@ -88,6 +89,11 @@ void advise(const FilmReadings& readings, const Printer& printer, FilmsFit& fit)
         "um: left out",
         r.film.line, r.film.level, r.film.exposure_s, r.film.thickness_um, r.found_um));
   }
+  std::vector<std::vector<double>> rows;
+  for (const FilmReading& film : readings.films) {
+    rows.push_back({static_cast<double>(film.level), film.exposure_s, film.thickness_um});
+  }
+  if (std::string words = repeats_in_words(std::move(rows)); !words.empty()) warn(std::move(words));
   if (readings.not_measured > 0) {
     warn(fmt::format("{} {} not measured", readings.not_measured,
                      readings.not_measured == 1 ? "square was" : "squares were"));

@@ -6,12 +6,11 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <limits>
-#include <map>
 
 #include "fit/statistics.hpp"
+#include "slicecorr/resins/repeated_rows.hpp"
 
 namespace slicecorr::resins {
 
@@ -211,42 +210,14 @@ void advise_dead_zones(const PreparedFit& s, const FitResult& result, const Diag
   }
 }
 
-/// Rows that say again, digit for digit, what earlier ones said: a table that was pasted twice would
-/// count as new measurements. Whole tables are known by each row's being there equally often, pieces
-/// by a run of rows that stands there before; fewer than `least` repeat by chance.
 void advise_repeats(const FitResult& result, std::vector<std::string>& out) {
-  constexpr std::size_t least_rows = 4, least_run = 6, most_places = 4;
-  using Row = std::array<double, 5>;
-  std::map<Row, std::vector<std::size_t>> places;
-  std::vector<const std::vector<std::size_t>*> same;
-  for (std::size_t i = 0; i < result.points.size(); ++i) {
-    const FitPoint& p = result.points[i];
-    auto& of_row = places[{p.blue_mw_cm2, p.uv_mw_cm2, p.exposure_s, p.dose_mj_cm2, p.measured_um}];
-    of_row.push_back(i);
-    same.push_back(&of_row);
+  std::vector<std::vector<double>> rows;
+  for (const FitPoint& p : result.points) {
+    rows.push_back({p.blue_mw_cm2, p.uv_mw_cm2, p.exposure_s, p.dose_mj_cm2, p.measured_um});
   }
-  const std::size_t n = same.size(), often = n > 0 ? same.front()->size() : 0;
-  const bool whole = often > 1 && places.size() >= least_rows && places.size() * often == n &&
-                     std::ranges::all_of(
-                         places, [&](const auto& of_row) { return of_row.second.size() == often; });
-  std::size_t repeated = whole ? n - places.size() : 0;
-  for (std::size_t at = 0; at < n && !whole;) {
-    std::size_t longest = 0;
-    const auto& earlier = *same[at];
-    for (std::size_t k = 0; k < std::min(earlier.size(), most_places) && earlier[k] < at; ++k) {
-      const std::size_t from = earlier[k];
-      std::size_t run = 0;
-      while (at + run < n && from + run < at && same[from + run] == same[at + run]) ++run;
-      longest = std::max(longest, run);
-    }
-    if (longest >= least_run) repeated += longest;
-    at += longest >= least_run ? longest : 1;
+  if (std::string words = repeats_in_words(std::move(rows)); !words.empty()) {
+    out.push_back(std::move(words));
   }
-  if (repeated == 0) return;
-  out.push_back(fmt::format(
-      "{} of {} measurements repeat earlier ones digit for digit: was a table pasted or given twice? "
-      "Then leave the copies out: they make intervals {:.2g} times too narrow",
-      repeated, n, std::sqrt(static_cast<double>(n) / static_cast<double>(n - repeated))));
 }
 
 /// The dose of gel, in mJ/cm² at the intensities measured, and where resins have theirs: those of

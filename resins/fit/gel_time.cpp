@@ -16,6 +16,7 @@
 #include "measure/number_table.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/resins/gel_time_fit.hpp"
+#include "slicecorr/resins/repeated_rows.hpp"
 #include "support/chart/chart.hpp"
 #include "support/json/finite.hpp"
 #include "support/text/ascii.hpp"
@@ -208,7 +209,13 @@ bool is_table_of_times(const std::string& path) {
 TimesToGel read_times_to_gel(const std::vector<std::string>& paths,
                              std::optional<double> conversion) {
   TimesToGel times;
+  check_given_once(paths);
   for (const std::string& path : paths) read_times(path, conversion, times);
+  std::vector<std::vector<double>> rows;
+  for (const TimeToGel& t : times.times) rows.push_back({t.intensity_mw_cm2, t.time_s});
+  if (std::string words = repeats_in_words(std::move(rows)); !words.empty()) {
+    times.warnings.push_back(std::move(words));
+  }
   return times;
 }
 

@@ -101,6 +101,7 @@ ThresholdFit fit_threshold(const TimesToGel& data) {
     fit.warnings.push_back(fmt::format("{:g} mW/cm² gelled, and lies below the threshold",
                                        fit.times[k].intensity_mw_cm2));
   }
+  fit.warnings.insert(fit.warnings.end(), data.warnings.begin(), data.warnings.end());
   if (n < 3)
     fit.warnings.emplace_back("with two times nothing is left to see whether the law holds");
   return fit;

@@ -14,6 +14,7 @@
 
 #include "slicecorr/error.hpp"
 #include "slicecorr/measuring_form.hpp"
+#include "slicecorr/resins/repeated_rows.hpp"
 #include "support/text/ascii.hpp"
 #include "support/text/csv.hpp"
 
@@ -361,14 +362,8 @@ Measurements read_measurements(const std::vector<std::string>& paths,
                                const ExecutionContext& context) {
   if (paths.empty()) throw InputError("no file of measurements was given");
   Measurements data;
+  check_given_once(paths);
   for (const std::string& path : paths) {
-    // The same rows twice would make every interval too narrow.
-    for (const std::string& earlier : data.sources) {
-      std::error_code error;
-      if (path == earlier || std::filesystem::equivalent(path, earlier, error)) {
-        throw InputError(path, "", "is given twice; expected each file once");
-      }
-    }
     const int source = static_cast<int>(data.sources.size());
     data.sources.push_back(path);
     std::error_code error;

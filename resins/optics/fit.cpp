@@ -18,6 +18,7 @@
 #include "fit/statistics.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/resins/optics_fit.hpp"
+#include "slicecorr/resins/repeated_rows.hpp"
 #include "slicecorr/vial.hpp"
 
 namespace slicecorr::resins {
@@ -443,6 +444,13 @@ OpticsFit fit_optics(const OpticsPoints& points, const Printer& printer, double 
   }
   OpticsFit fit;
   fit.source = points.source;
+  std::vector<std::vector<double>> rows;
+  for (const OpticsPoint& p : points.points) {
+    rows.push_back({p.angle_deg, p.radius_mm, p.pin_deg, p.z_mm, p.column_px, p.row_px});
+  }
+  if (const std::string words = repeats_in_words(std::move(rows)); !words.empty()) {
+    fit.notes.push_back(words + ".");
+  }
   std::vector<double> values;
   double cost = solve(model, values);
   if (!std::isfinite(cost)) {

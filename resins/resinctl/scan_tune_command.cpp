@@ -19,6 +19,7 @@
 #include "slicecorr/load_printer.hpp"
 #include "slicecorr/pipeline.hpp"
 #include "slicecorr/place_models.hpp"
+#include "slicecorr/resins/repeated_rows.hpp"
 #include "slicecorr/resins/scan_tune.hpp"
 #include "slicecorr/solid.hpp"
 #include "slicecorr/stack.hpp"
@@ -136,6 +137,7 @@ std::vector<Scan> read_scans(const cli::TuneOptions& a, const std::vector<Printe
   ScanReading reading;
   reading.unit = a.scan_unit;
   reading.voxel_um = a.voxel_um;
+  check_given_once(a.scans);
   std::vector<Scan> scans;
   TriangleMesh surface;
   for (std::size_t i = 0; i < a.scans.size(); ++i) {

@@ -17,6 +17,7 @@
 #include "slicecorr/light_unit.hpp"
 #include "slicecorr/load_printer.hpp"
 #include "slicecorr/resins/database.hpp"
+#include "slicecorr/resins/repeated_rows.hpp"
 #include "slicecorr/resins/spread_fit.hpp"
 #include "support/toml/toml_table.hpp"
 
@@ -46,6 +47,7 @@ bool is_picture(const std::string& path) {
 /// Everything that was measured, tables and pictures.
 SpreadMeasurements read_all(const SpreadArguments& a) {
   SpreadMeasurements all;
+  check_given_once(a.data);
   const auto pictures =
       static_cast<std::size_t>(std::count_if(a.data.begin(), a.data.end(), is_picture));
   if (!a.depths_um.empty() && a.depths_um.size() != pictures) {

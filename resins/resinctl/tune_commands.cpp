@@ -24,6 +24,7 @@
 #include "slicecorr/resins/dose_combs_fit.hpp"
 #include "slicecorr/resins/exchange.hpp"
 #include "slicecorr/resins/gel_time_fit.hpp"
+#include "slicecorr/resins/repeated_rows.hpp"
 #include "slicecorr/resins/time_scale.hpp"
 #include "slicecorr/resins/tune.hpp"
 #include "slicecorr/stack.hpp"
@@ -77,6 +78,7 @@ void take_light(TuningTable& table, const std::string& path, const Printer& prin
 MeasuredParts measured_parts(const cli::TuneOptions& a, const Printer& printer, const Resin& resin,
                              const ExecutionContext& context) {
   MeasuredParts all;
+  check_given_once(a.tables);
   for (const std::string& path : a.tables) {
     TuningTable table = read_tuning_table(path);
     all.layer_um = table.part.layer_um;
@@ -92,6 +94,16 @@ MeasuredParts measured_parts(const cli::TuneOptions& a, const Printer& printer, 
     }
     all.parts.push_back(std::move(table.part));
   }
+  std::vector<std::vector<double>> rows;
+  for (const MeasuredPart& part : all.as_measured) {
+    for (const MeasuredEdge& e : part.edges) {
+      if (std::isnan(e.measured_um)) continue;
+      rows.push_back({static_cast<double>(e.kind), e.designed_um, e.intensity_mw_cm2, e.exposure_s,
+                      e.dark_s, e.dark_mw_cm2, e.measured_um});
+    }
+  }
+  if (const std::string words = repeats_in_words(std::move(rows)); !words.empty())
+    context.tell(words);
   if (resin.shrinkage.z_per_cent != 0) {
     context.tell(
         fmt::format("heights in tables are taken as what they were before the resin shrank by "
@@ -167,6 +179,7 @@ int tune_by_times(const cli::TuneOptions& a, cli::Console& console) {
     console.say(told);
   }
   const TimesToGel times = read_times_to_gel(a.tables);
+  for (const std::string& w : times.warnings) console.say("warning: " + w);
   const TimeScale found = scale_by_times(before.resin, times);
   if (!a.output.empty()) {
     const Kinetics k = make_kinetics(before.resin, false, false);

@@ -13,6 +13,7 @@
 #include "fit/statistics.hpp"
 #include "slicecorr/cure.hpp"
 #include "slicecorr/error.hpp"
+#include "slicecorr/resins/repeated_rows.hpp"
 
 namespace slicecorr::resins {
 
@@ -91,6 +92,18 @@ std::vector<WidthProblem::Row> rows_of(const SpreadMeasurements& measured,
                      "how light falls between them");
   }
   return rows;
+}
+
+std::string repeats_of(const SpreadMeasurements& measured) {
+  std::vector<std::vector<double>> rows;
+  for (const PrintedWidth& w : measured.widths) {
+    rows.push_back({w.kind == WidthKind::gap ? 1.0 : 0.0, w.designed_um, w.printed_um, w.depth_um,
+                    w.level, w.light});
+  }
+  for (const KnifeEdge& e : measured.edges) {
+    for (const EdgeSample& at : e.samples) rows.push_back({e.depth_um, at.at_um, at.intensity});
+  }
+  return repeats_in_words(std::move(rows));
 }
 
 void check_widths(const SpreadMeasurements& measured, const std::vector<WidthProblem::Row>& rows,

@@ -15,6 +15,8 @@ namespace slicecorr::resins {
 std::vector<WidthProblem::Row> rows_of(const SpreadMeasurements& measured,
                                        const SpreadFitOptions& options);
 
+/// That rows look like copies of others (repeated_rows.hpp), as a sentence; "" where none do.
+std::string repeats_of(const SpreadMeasurements& measured);
 /// Units that look like millimetres, and lines and gaps that contradict each other.
 void check_widths(const SpreadMeasurements& measured, const std::vector<WidthProblem::Row>& rows,
                   const SpreadFitOptions& options);

@@ -586,7 +586,10 @@ SpreadFit fit_spread(const SpreadMeasurements& measured, const SpreadFitOptions&
         "what is held makes no spread; expected sigma_um of 0 or more, sigma2_um above it, weight2 "
         "and dark of 0 to less than 1, dose above 0, scatter_um2_per_um of 0 or more");
   }
-  return of_widths ? fit_widths(measured, options) : fit_edges(measured, options);
+  SpreadFit fit = of_widths ? fit_widths(measured, options) : fit_edges(measured, options);
+  if (const std::string words = repeats_of(measured); !words.empty())
+    fit.notes.push_back(words + ".");
+  return fit;
 }
 
 }  // namespace slicecorr::resins

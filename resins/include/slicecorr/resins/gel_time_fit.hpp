@@ -27,8 +27,9 @@ struct TimeToGel {
 struct TimesToGel {
   std::vector<std::string> sources;
   std::vector<TimeToGel> times;
-  double conversion = 0;                ///< of which they are the times; 0: the files don't say
-  std::vector<std::string> warnings{};  ///< columns that are passed over
+  double conversion = 0;  ///< of which they are the times; 0: the files don't say
+  std::vector<std::string>
+      warnings{};  ///< columns that are passed over, rows that look like copies
 };
 
 /// Whether a file is a table of times: its header has `time_s` (and no heights).

@@ -24,9 +24,11 @@ import json
 import os
 import shutil
 import sqlite3
+import struct
 import subprocess
 import sys
 import tempfile
+import zlib
 
 import kills_parts
 from docs_machine_faults import box_stl
@@ -265,6 +267,25 @@ def stacks(case):
     case.judged("slicecorr", "info", "c.uvj", "--json", "info.json")
 
 
+def png(path, side):
+    """A grey square of `side` pixels on black, twice as wide."""
+    def chunk(kind, data):
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+    rows = b"".join(b"\0" + bytes(255 if side // 2 <= x < side + side // 2 and side // 2 <= y < side + side // 2 else 0
+                                  for x in range(2 * side)) for y in range(2 * side))
+    with open(path, "wb") as file:
+        file.write(b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", 2 * side, 2 * side, 8, 0, 0, 0, 0)) +
+                   chunk(b"IDAT", zlib.compress(rows)) + chunk(b"IEND", b""))
+
+
+def pictures(case):
+    """Commands that write several pictures make their folder, and those above it."""
+    png(case.path("target.png"), 16)
+    case.judged("slicecorr", "hologram", "target.png", "-o", "phase.png", "--pitch-um", "8", "--wavelength-nm", "532", "--focal-mm", "100",
+                "--steps", "3", "--stack", "seen/depth", "--stack-mm=0,1,1")
+    case.judged("slicecorr", "tomo", "target", "scale", "--printer", "webber-vial", "-o", "bench/scale")
+
+
 def post(case):
     kills_parts.sl1(case.path("part.sl1"), 8)
     case.judged("slicecorr-post", *LIGHT, "--backup", "--report=both", "part.sl1")
@@ -345,7 +366,7 @@ def bridge(case):
             sim.wait()
 
 
-CASES = {f.__name__: f for f in (stacks, post, resins, farm, served, machines, bridge)}
+CASES = {f.__name__: f for f in (stacks, pictures, post, resins, farm, served, machines, bridge)}
 
 
 def main():

@@ -14,6 +14,7 @@
 #include "engine/slurm_tasks.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/farm/token.hpp"
+#include "support/files/lasting_folder.hpp"
 #include "support/files/temporary.hpp"
 #include "support/files/text_file.hpp"
 #include "support/json/read_json.hpp"
@@ -83,8 +84,7 @@ bool is_young(const fs::path& folder) {
 
 BatchFolder::BatchFolder(std::string store) : store_(std::move(store)), folder_(store_ + "/slurm") {
   std::error_code error;
-  fs::create_directories(folder_, error);
-  if (error) throw DeviceError(folder_ + ": can't be made: " + error.message());
+  slicecorr::detail::make_lasting_folder(folder_);
   const std::string path = folder_ + "/farm.id";
   const auto read = [&] {
     std::ifstream in(path);
@@ -99,6 +99,7 @@ BatchFolder::BatchFolder(std::string store) : store_(std::move(store)), folder_(
   slicecorr::detail::sync_file(part);
   fs::create_hard_link(part, path, error);
   if (error && error != std::errc::file_exists) fs::copy_file(part, path, error);
+  slicecorr::detail::sync_folder(folder_);
   if (!read()) throw DeviceError(path + ": can't be made, or is damaged");
 }
 

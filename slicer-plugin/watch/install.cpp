@@ -16,6 +16,7 @@
 #include "slicecorr/error.hpp"
 #include "slicecorr/process.hpp"
 #include "support/files/errno_message.hpp"
+#include "support/files/lasting_folder.hpp"
 #include "support/files/temporary.hpp"
 #include "support/files/text_file.hpp"
 #include "support/process/command.hpp"
@@ -116,7 +117,7 @@ void write_text(const std::string& given, const std::string& text) {
   std::error_code ec;
   const fs::path target = fs::is_symlink(given, ec) ? fs::canonical(given, ec) : fs::path(given);
   const std::string path = ec ? given : target.string();
-  fs::create_directories(fs::path(path).parent_path(), ec);
+  detail::make_lasting_folder(detail::path_parts(path).folder, ec);
   detail::check_new_file(path);
   detail::Temporary temporary{detail::make_temporary(path)};
   {
@@ -239,10 +240,11 @@ WatchInstalled install_watch(const WatchInstall& install) {
   options.insert(options.end(), install.options.begin(), install.options.end());
   write_text(p.unit, watch_unit_text(p.folder, program, options));
   write_text(p.config, config);
-  fs::create_directories(fs::path(p.link).parent_path(), ec);
+  detail::make_lasting_folder(detail::path_parts(p.link).folder, ec);
   fs::remove(p.link, ec);
   fs::create_symlink("../" + p.unit_name, p.link, ec);
   if (ec) throw DeviceError(p.link + ": can't be made: " + ec.message());
+  detail::sync_folder(detail::path_parts(p.link).folder);
   WatchInstalled done;
   done.text =
       fmt::format("{}: is watched by the unit {}\n  rule: in {}\n", p.folder, p.unit, p.config);

@@ -13,6 +13,7 @@
 #include "slicecorr/error.hpp"
 #include "slicecorr/hologram.hpp"
 #include "slicecorr/load_printer.hpp"
+#include "support/files/lasting_folder.hpp"
 
 namespace slicecorr::cli {
 
@@ -71,7 +72,7 @@ void write_stack(const HologramArguments& o, const PhaseDisplay& display,
   const double first = o.stack_mm[0], last = o.stack_mm[1], step = o.stack_mm[2];
   const auto count = static_cast<int>(std::floor((last - first) / step * (1 + 1e-9))) + 1;
   std::error_code ec;
-  fs::create_directories(o.stack, ec);
+  slicecorr::detail::make_lasting_folder(o.stack, ec);
   if (!fs::is_directory(o.stack)) {
     throw DeviceError(o.stack + " can't be made; expected a folder for the images");
   }

@@ -10,6 +10,7 @@
 #include "programs/common/setup_options.hpp"
 #include "slicecorr/error.hpp"
 #include "slicecorr/load_printer.hpp"
+#include "support/files/lasting_folder.hpp"
 #include "target_page.hpp"
 
 namespace slicecorr::cli {
@@ -35,7 +36,7 @@ int target(const TomoTargetOptions& o, const ExecutionContext& context, Console&
   const auto pictures = tomo::target_pictures(kind, printer);
   const fs::path folder = o.output.empty() ? fs::path(".") : fs::path(o.output);
   std::error_code ec;
-  fs::create_directories(folder, ec);
+  slicecorr::detail::make_lasting_folder(folder.string(), ec);
   if (!fs::is_directory(folder)) {
     throw DeviceError(folder.string() + " can't be made; expected a folder for the pictures");
   }

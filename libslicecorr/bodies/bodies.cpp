@@ -129,6 +129,7 @@ std::string Bodies::to_json() const {
       thin.push_back(one);
     }
     j["necks_in_all"] = necks_in_all;
+    j["widest_mm2"] = number(pixels_mm2(widest));
   }
   return j.dump();
 }
@@ -164,6 +165,12 @@ void put_designed(const JudgedBodies& b, std::vector<std::string>& words) {
 }
 
 void put_necks(const Bodies& b, std::vector<std::string>& words) {
+  if (b.none_so_wide()) {
+    words.push_back(fmt::format(
+        "no body is as wide as the {:.4g} mm² by which each is to hang: the widest has {:.3g} mm² in a slice, so "
+        "that none was judged by it",
+        b.least_neck_mm2, b.pixels_mm2(b.widest)));
+  }
   if (b.necks_in_all == 0) return;
   const Neck& n = b.necks.front();
   words.push_back(fmt::format("{} by less than {:.4g} mm²: {}{}, by {:.3g} mm² at {} {}",

@@ -128,6 +128,7 @@ Bodies BodyTracker::finish() {
     found.least_neck_mm2 = t.ask.least_neck_mm2;
     t.necks->finish();
     found.necks_in_all = t.necks_in_all;
+    found.widest = t.necks->widest();
     found.necks = t.largest_necks.take();
     for (Neck& neck : found.necks) {
       neck.column += t.box.x0;

@@ -71,6 +71,7 @@ void NeckFinder::label() {
       patches_[run.patch].voxels += static_cast<std::uint64_t>(run.end - run.begin);
     }
   }
+  for (const Patch& p : patches_) widest_ = std::max(widest_, p.voxels);
 }
 
 std::uint32_t NeckFinder::add(std::uint64_t voxels, std::int64_t column2, std::int64_t row2,

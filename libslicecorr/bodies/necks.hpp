@@ -31,6 +31,8 @@ class NeckFinder {
   void end_slice(int more);
   /// Tells those by which the last slice hangs.
   void finish();
+  /// Voxels of the widest patch of all slices.
+  std::uint64_t widest() const { return widest_; }
   /// Necks that are kept.
   std::size_t kept() const { return necks_.size() - free_.size() - 1; }
 
@@ -69,6 +71,7 @@ class NeckFinder {
   const std::uint64_t least_;
   const Sink found_;
   int slice_ = 0;
+  std::uint64_t widest_ = 0;
   bool changed_ = true;
   std::vector<Row> rows_, before_;  ///< of the slice at hand, and of the one before
   std::vector<std::uint32_t> parent_;

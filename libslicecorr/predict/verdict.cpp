@@ -279,6 +279,9 @@ std::vector<std::string> to_look_at(const Prediction& p) {
     add(b.necks_in_all,
         fmt::format("{} by less than {:.3g} mm²",
                     with_noun(b.necks_in_all, "body hangs", "bodies hang"), b.least_neck_mm2));
+    add(b.none_so_wide() ? 1 : 0,
+        fmt::format("no body is as wide as the {:.3g} mm² by which each is to hang",
+                    b.least_neck_mm2));
     add(b.sealed_in_all,
         fmt::format("{} resin", with_noun(b.sealed_in_all, "cavity traps", "cavities trap")));
   }

@@ -107,6 +107,8 @@ struct Bodies {
   double least_neck_mm2 = 0;  ///< what was asked for; 0: nobody looked for necks
   std::uint64_t necks_in_all = 0;
   std::vector<Neck> necks;  ///< the largest are those that bear most
+  /// Pixels of the widest patch of a slice; known where somebody looked for necks.
+  std::uint64_t widest = 0;
   /// Slices after which it was looked again what hangs on nothing: what does so between two looks alone
   /// is not known; `begins` and `until` are slices of looks, the last of which comes after the last slice.
   int time_step = 1;
@@ -117,8 +119,12 @@ struct Bodies {
   double pixels_mm2(std::uint64_t pixels) const;
   /// On the plate; where nothing says how it lies in the images, from their upper left corner.
   PlatePlace place(double column, double row) const;
+  /// Whether no body is in any slice as wide as each was to hang: none was judged, and none hangs by as much.
+  bool none_so_wide() const {
+    return widest > 0 && pixels_mm2(widest) < least_neck_mm2 * (1 - 1e-9);
+  }
   /// Whether some body hangs on nothing when it begins, or by less than was asked for.
-  bool any_loose() const { return islands_in_all + necks_in_all > 0; }
+  bool any_loose() const { return islands_in_all + necks_in_all > 0 || none_so_wide(); }
   /// `loose_bodies`, `islands`, `sealed_cavities` and `cups` of the contract.
   std::string to_json() const;
 };

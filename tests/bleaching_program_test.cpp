@@ -38,6 +38,17 @@ class BleachingProgram : public ProgramFixture {
   const Command kWith{"--printer", "small.toml", "--resin", "fades.toml", "--speed-mm-h", "800"};
 };
 
+TEST_F(BleachingProgram, SkinsOfFilmsAreRefusedByName) {
+  const RunResult r =
+      run_program({SLICECORR_BIN_DIR "/slicecorr", "correct", "target.uvj", "-o", "skin.uvj",
+                   "--skin", "0.9", "--printer", "small.toml", "--resin", "fades.toml", "--lifts",
+                   "each", "--mode", "layerwise", "--exposure-s", "2"},
+                  options_);
+  EXPECT_EQ(r.exit_code, 2) << r.err;
+  EXPECT_THAT(r.err, HasSubstr("expected no skin here"));
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "skin.uvj"));
+}
+
 TEST_F(BleachingProgram, PrintsAsDesignedAndEverythingLooksAtIt) {
   good(Command{"correct", "target.uvj", "-o", "part.uvj"} + kWith);
   const json after = figures("part.uvj", "target.uvj"),

@@ -51,6 +51,23 @@ class GelTimeProgram : public ProgramFixture {
   const Command kWith{"--printer", "small.toml", "--resin", "clear.toml", "--speed-mm-h", "800"};
 };
 
+// A film's skin changes no image with such a law: it is refused before the work, and counts where a print is judged.
+TEST_F(GelTimeProgram, SkinsOfFilmsAreRefusedByName) {
+  const Command layers{"--printer", "small.toml", "--resin",   "clear.toml",   "--lifts",
+                       "each",      "--mode",     "layerwise", "--exposure-s", "3"};
+  good(Command{"correct", "target.uvj", "-o", "whole.uvj"} + layers);
+  const RunResult r = run_program(Command{SLICECORR_BIN_DIR "/slicecorr", "correct", "target.uvj",
+                                          "-o", "skin.uvj", "--skin", "0.9"} +
+                                      layers,
+                                  options_);
+  EXPECT_EQ(r.exit_code, 2) << r.err;
+  EXPECT_THAT(r.err, AllOf(HasSubstr("resin 'clear'"), HasSubstr("expected no skin here")));
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "skin.uvj"));
+  good({"verify", "whole.uvj", "--target", "target.uvj", "--skin", "0.9"});
+  EXPECT_THAT(good({"features"}).out,
+              HasSubstr("not in corrections for films that hang by a skin (skin): a time to gel"));
+}
+
 TEST_F(GelTimeProgram, PrintsAsDesignedAndEverythingLooksAtIt) {
   good(Command{"correct", "target.uvj", "-o", "part.uvj"} + kWith);
   const json after = figures("part.uvj", "target.uvj"),

@@ -193,7 +193,7 @@ TEST(Supports, EachLawIsRefusedInTheWordsOfItsRow) {
     EXPECT_TRUE(rows.emplace(row.use, row.law).second) << name_of(row.use);
   }
   std::set<std::string> names;
-  for (int u = 0; u <= static_cast<int>(LawUse::exponent_errors); ++u) {
+  for (int u = 0; u <= static_cast<int>(LawUse::skins); ++u) {
     const auto use = static_cast<LawUse>(u);
     EXPECT_TRUE(names.insert(name_of(use)).second) << name_of(use);
     EXPECT_EQ(refused_in(sums, use), "") << name_of(use);

@@ -195,6 +195,10 @@ constexpr NotScattered kNotScattered[] = {
 constexpr const char* kNotBleached =
     "{resin}: bleaching: is not counted in {use}; expected a resin without it";
 
+constexpr const char* kHoldsWhole =
+    "resin '{resin}': corrections let each layer over a gap hold at its far edge, whatever skin a film has; expected no "
+    "skin here: `verify` judges films by it";
+
 constexpr const char* kUseNames[] = {
     "flowing resin",
     "tomographic printing",
@@ -208,8 +212,9 @@ constexpr const char* kUseNames[] = {
     "tables, which have no column for it",
     "assumed light",
     "how sure an exponent is",
+    "corrections for films that hang by a skin (skin)",
 };
-static_assert(std::size(kUseNames) == static_cast<std::size_t>(LawUse::exponent_errors) + 1);
+static_assert(std::size(kUseNames) == static_cast<std::size_t>(LawUse::skins) + 1);
 
 constexpr UncountedLaw kUncountedLaws[] = {
     {LawUse::flow, bleaching, kNotBleached},
@@ -249,6 +254,8 @@ constexpr UncountedLaw kUncountedLaws[] = {
      "a resin of model \"gel-time\" has no exponent that could be off; expected no error of m"},
     {LawUse::exponent_errors, bleaching,
      "a resin that bleaches is counted with an exponent of 1; expected no error of m"},
+    {LawUse::skins, gel_time, kHoldsWhole},
+    {LawUse::skins, bleaching, kHoldsWhole},
 };
 
 using Name = std::pair<std::string_view, std::string_view>;

@@ -91,6 +91,10 @@ constexpr std::pair<Feature, const char*> kNoNoise[] = {
 constexpr Feature kRobustAlone[] = {Feature::uv_constant, Feature::uv_per_slice,
                                     Feature::uv_patterned, Feature::gel_time, Feature::bleaching};
 
+bool asks_for_skin(const Process& p) {
+  return p.mode == ExposureMode::layerwise && p.lifts == Lifts::each && p.skin != Process().skin;
+}
+
 /// A part that ends while its exposure still falls; empty where it does not.
 std::string fade_notice(const Process& p, int layers) {
   const int faded = p.bottom_layers + p.fade_layers;
@@ -136,6 +140,7 @@ void check_uncertain(const Setup& setup) {
 
 void check_correction(const Setup& setup, const DesignHas& design) {
   check_corrected(setup.printer, setup.resin, setup.process);
+  if (asks_for_skin(setup.process)) refuse_law(setup.resin, LawUse::skins);
   std::vector<Feature> features = features_of(setup.printer, setup.resin, setup.process);
   if (design.doses) features.push_back(Feature::wanted_doses);
   if (design.left_alone) features.push_back(Feature::left_alone);

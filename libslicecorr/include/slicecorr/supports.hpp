@@ -79,6 +79,7 @@ enum class LawUse {
   tables,
   assumed_light,
   exponent_errors,
+  skins,  ///< of films over gaps, in a correction
 };
 /// "tomographic printing".
 const char* name_of(LawUse use);

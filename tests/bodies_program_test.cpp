@@ -163,6 +163,45 @@ TEST_F(BodiesProgram, ANeckIsInTheVerdict) {
   };
   EXPECT_THAT(run("1"), HasSubstr("to look at: 1 body hangs by less than 1 mm²."));
   EXPECT_THAT(run("0.2"), Not(HasSubstr("hangs by less")));
+  // 4 x 4 mm at most: by 17 mm² nothing is judged, which is told, and refused where loose bodies are.
+  EXPECT_THAT(run("17"), HasSubstr("no body is as wide as the 17 mm² by which each is to hang"));
+  const RunResult refused =
+      run_program(Command{SLICECORR_BIN_DIR "/slicecorr", "run", "neck.stl", "-o", "r.uvj",
+                          "--layer-um", "50", "--least-neck-mm2", "17", "--loose", "refuse"} +
+                      kSmall,
+                  options_);
+  EXPECT_EQ(refused.exit_code, 3) << refused.err;
+  EXPECT_THAT(refused.err,
+              HasSubstr("the widest has 16 mm² in a slice, so that none was judged by it"));
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "r.uvj"));
+}
+
+// What options say of a stack that is there already is told or refused, not dropped.
+TEST_F(BodiesProgram, OptionsThatChangeNothingOfAStackAreNamed) {
+  good({"slice", "ladder.stl", "-o", "options.uvj", "--layer-um", "50", "--printer", "small.toml"});
+  const Command correct = Command{"correct", "options.uvj", "-o", "x.uvj"} + kSmall;
+  for (const Command& lies :
+       {Command{"--scale", "2"}, Command{"--units", "inch"}, Command{"--fit-mm", "3"},
+        Command{"--rotate-deg", "0", "0", "90"}, Command{"--center-mm", "1", "1"}}) {
+    bad(2, correct + lies, {lies.front() + " says how meshes lie"});
+  }
+  bad(2, correct + Command{"--design", "ladder.stl"}, {"expected --region with it"});
+  bad(2, correct + Command{"--layer-um", "20"},
+      {"says layers of 50 um", "expected it not to be given"});
+  bad(2, correct + Command{"--rounds", "3"}, {"--rounds changes nothing where no light spreads"});
+  bad(2, correct + Command{"--spread-correction", "off"}, {"--spread-correction changes nothing"});
+  bad(2, correct + Command{"--platform-features", "uncapped"}, {"expected --omega-max with it"});
+  good(correct + Command{"--layer-um", "50"});
+  const RunResult verify =
+      good({"verify", "x.uvj", "--target", "options.uvj", "--omega-max", "2", "--loose", "refuse"});
+  for (const char* said : {"--omega-max", "--loose"}) {
+    EXPECT_THAT(verify.err, HasSubstr(std::string(said) +
+                                      " says how a part is corrected: this stack is, and it "
+                                      "changes nothing"));
+  }
+  bad(2, {"verify", "x.uvj", "--target", "options.uvj", "--scale", "2"},
+      {"--scale says how meshes lie"});
+  bad(2, {"solid", "x.uvj", "-o", "x.stl", "--scale", "2"}, {"--scale says how meshes lie"});
 }
 
 TEST_F(BodiesProgram, InfoCountsWhatIsInsideOutAsItPrints) {

@@ -313,7 +313,10 @@ TEST_F(Prepare, TheKeyIsWhatDecidesTheOutput) {
   differs("platform", [](JobRequest& r) { r.setup.platform_reflectance = 0.2; });
   differs("supports", [&](JobRequest& r) { r.leave_alone = {part}; });
   differs("other supports", [&](JobRequest& r) { r.leave_alone = {part, part}; });
-  differs("features", [](JobRequest& r) { r.setup.platform_features = "uncapped"; });
+  differs("features", [](JobRequest& r) {
+    r.setup.omega_max = "2";
+    r.setup.platform_features = "uncapped";
+  });
   differs("overhangs", [](JobRequest& r) { r.setup.overhangs = "early"; });
   differs("dose", [](JobRequest& r) { r.setup.dc_mj_cm3 = 231; });
   differs("height", [](JobRequest& r) { r.setup.ha_um = 1501; });

@@ -10,6 +10,7 @@
 #include <nlohmann/json.hpp>
 
 #include "format_fixture.hpp"
+#include "models.hpp"
 #include "real_files.hpp"
 #include "rounds.hpp"
 
@@ -141,13 +142,65 @@ TEST_P(NewArchive, HoldsOrTellsTimesOfLayers) {
   Told told;
   write_file_as(file(), images, info, told.context());
   const StackInfo read = read_as_foreign();
+  const std::string_view format = GetParam().format;
+  const bool gcode = format == "chitubox" || format.ends_with("cws");
   if (GetParam().layer_times) {
     EXPECT_EQ(read.layer_exposure_s, info.layer_exposure_s);
-    EXPECT_EQ(told.all(), "");
+    EXPECT_THAT(told.all(),
+                gcode ? HasSubstr("archives says 3 s for all layers: times of single layers are in "
+                                  "the G-code, which printers run")
+                      : HasSubstr(""));
+    EXPECT_EQ(told.all().empty(), !gcode) << told.all();
   } else {
     EXPECT_TRUE(read.layer_exposure_s.empty());
     EXPECT_THAT(told.all(), HasSubstr("holds no exposure times: set 3 s at the printer, which "
                                       "can't show layers for different times"));
+  }
+}
+
+// What of a list a head has words for is in it: printers and people go by it, too.
+TEST_P(NewArchive, HeadsSayTheFirstLayersOfAList) {
+  const Images images = random_images(6, 5, 8, 8);
+  const std::vector<double> list{12, 12, 10, 4, 2.5, 2.5, 2.5, 2.5};
+  StackInfo plain = info_of(images.grid);
+  plain.exposure_s = 2.5;
+  plain.layer_exposure_s = list;
+  // Of a corrected stack the process has the list.
+  StackInfo corrected = plain;
+  corrected.layer_exposure_s.clear();
+  corrected.kind = StackKind::corrected;
+  corrected.printer = linear_printer(1, 100);
+  corrected.printer->width_px = 6;
+  corrected.printer->height_px = 5;
+  corrected.printer->pixel_x_um = images.grid.pixel_x_um;
+  corrected.printer->pixel_y_um = images.grid.pixel_y_um;
+  corrected.resin = resin(576, 2000);
+  corrected.process = process_of_times(plain);
+  if (!GetParam().layer_times) return;
+  for (const StackInfo& info : {plain, corrected}) {
+    Told told;
+    write_file_as(file(), images, info, told.context());
+    const StackInfo read = read_as_foreign();
+    EXPECT_EQ(read.layer_exposure_s, list);
+    EXPECT_EQ(read.exposure_s, 2.5);
+    EXPECT_EQ(read.bottom_exposure_s, 12);
+    EXPECT_EQ(read.bottom_layers, 2);
+    const std::string_view format = GetParam().format;
+    if (format != "chitubox" && format != "cws") continue;
+    EXPECT_THAT(
+        told.all(),
+        HasSubstr("archives says 12 s for the first 2 layers, and 2.5 s for all layers after "
+                  "them: times of single layers are in the G-code"));
+    Entries entries = unzip(path_);
+    const std::string text = to_text(entry(entries, format == "cws" ? "slice.conf" : "run.gcode"));
+    const std::vector<const char*> of_cws{"head_layers_num         = 2\n",
+                                          "head_layers_expo_ms     = 12000\n",
+                                          "layers_expo_ms          = 2500\n"},
+        of_chitubox{";bottomLayerCount:2\n", ";bottomLayerExposureTime:12\n", ";bottomLayCount:2\n",
+                    ";normalExposureTime:2.5\n"};
+    for (const char* line : format == "cws" ? of_cws : of_chitubox) {
+      EXPECT_THAT(text, HasSubstr(line));
+    }
   }
 }
 

@@ -2,8 +2,14 @@
 // SPDX-License-Identifier: Apache-2.0
 
 // What print files of newer printers say: Anycubic's zip, CXDLP 4, Photon Workshop 518, CTB 5.
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+
+#include <bit>
+#include <cstring>
+#include <map>
+#include <string_view>
 
 #include "newer_print_file_fixture.hpp"
 #include "program_fixture.hpp"
@@ -19,6 +25,7 @@ void PrintTo(const SmallFile& file, std::ostream* out);
 namespace {
 
 using ::testing::HasSubstr;
+using ::testing::Not;
 
 class NewerPrintFiles : public testing::Test {
  protected:
@@ -394,6 +401,56 @@ TEST_P(NewerPrintFilesProgram, PostCorrectsInPlaceAsCorrectDoes) {
       2);
   run("slicecorr-post", {"--undo", part()});
   EXPECT_EQ(read_file(folder_ / part()), GetParam().bytes);
+}
+
+// How high the machine builds stays in each new file whose format says it, as the file said it or the printer that is
+// named; read at the places of the published layouts.
+TEST_P(NewerPrintFilesProgram, NewFilesSayHowHighTheMachineIs) {
+  const std::map<std::string, double> said{
+      {"anycubic-zip", 100}, {"cxdlp", 180}, {"photon-workshop", 200}, {"ctb", 180}};
+  const double mm = said.at(GetParam().format);
+  EXPECT_EQ(StackReader::read_info(folder_ / part()).machine_height_mm, mm);
+  const auto f32 = [&](const std::string& name, std::size_t at, bool big) {
+    const Bytes bytes = read_file(folder_ / name);
+    std::uint32_t v;
+    std::memcpy(&v, bytes.data() + at, 4);
+    return std::bit_cast<float>(big ? __builtin_bswap32(v) : v);
+  };
+  const auto text_of = [&](const std::string& name, const std::string& of) {
+    Entries entries = unzip(folder_ / name);
+    return to_text(entry(entries, of));
+  };
+  const auto expect = [&](const Command& with, double wanted_mm, const std::string& stem) {
+    SCOPED_TRACE(stem);
+    for (const char* ending : {".goo", "-again.ctb", "-zip.zip", ".cws", ".sl1", ".vdt"}) {
+      Command command{"convert", part(), "-o", stem + ending};
+      if (std::string_view(ending) == "-zip.zip")
+        command = command + Command{"--format", "chitubox"};
+      EXPECT_THAT(good(command + with).err, Not(HasSubstr("height of the machine is not known")));
+    }
+    EXPECT_EQ(f32(stem + ".goo", 0x2faf8 + 8, true), static_cast<float>(wanted_mm));
+    // Into its own format a file keeps what it says.
+    const bool kept = GetParam().format == "ctb";
+    EXPECT_EQ(f32(stem + "-again.ctb", 0x10, false), static_cast<float>(kept ? mm : wanted_mm));
+    const std::string number = fmt::format("{:g}", wanted_mm);
+    EXPECT_THAT(text_of(stem + "-zip.zip", "run.gcode"), HasSubstr(";machineZ:" + number + "\n"));
+    EXPECT_THAT(text_of(stem + ".cws", stem + ".gcode"),
+                HasSubstr("Platform Z Size         = " + number + "mm"));
+    EXPECT_THAT(text_of(stem + ".sl1", "prusaslicer.ini"),
+                HasSubstr("max_print_height = " + number + "\n"));
+    EXPECT_EQ(StackReader::read_info(folder_ / (stem + ".vdt")).machine_height_mm, wanted_mm);
+  };
+  expect({}, mm, "as-read");
+  expect({"--printer", "lcd.toml"}, 100, "of-printer");
+  // A correction for a printer whose file does not say it, and on through a UVJ, which has it in our block alone.
+  const std::string lcd = to_text(read_file(folder_ / "lcd.toml"));
+  write("low.toml", lcd.substr(0, lcd.find("[stage]")));
+  good({"correct", part(), "-o", "c.uvj", "--printer", "low.toml", "--resin",
+        "liqcreate-strong-x-405nm", "--mode", "layerwise", "--exposure-s", "24"});
+  EXPECT_EQ(StackReader::read_info(folder_ / "c.uvj").machine_height_mm, mm);
+  good({"convert", "c.uvj", "-o", "c.cws"});
+  EXPECT_THAT(text_of("c.cws", "c.gcode"),
+              HasSubstr(fmt::format("Platform Z Size         = {:g}mm", mm)));
 }
 
 TEST_P(NewerPrintFilesProgram, InfoTellsWhatTheFileSays) {

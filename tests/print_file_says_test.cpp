@@ -275,6 +275,53 @@ TEST_F(PrintFileSays, TransitionLayersFadeEvenlyAndAreKept) {
   EXPECT_THAT(good({"info", "uneven.ctb"}).out, HasSubstr(" heeded"));
 }
 
+// Steps of any size stay beside a new exposure, as far on the way to it as they were; where an archive can't list them,
+// its head says the nearest that it has words for.
+TEST_F(PrintFileSays, UnevenTransitionLayersStayBesideANewExposure) {
+  std::vector<double> times_s{20, 20, 17.5, 15};
+  times_s.resize(kSaidLayers, 10);
+  const std::string name = with_own(reported("transition_5_uvtools_times.goo"), times_s, 255);
+  const Command anew = kWith + Command{"--exposure-s", "12"};
+  const RunResult r = good(Command{"correct", name, "-o", "new.goo"} + anew);
+  EXPECT_THAT(
+      r.err,
+      HasSubstr(
+          "the archive's longer first exposures stay, in steps to the new one: 12 to 20 s each"));
+  EXPECT_THAT(r.err, testing::Not(HasSubstr("are not kept")));
+  const Bytes goo = read_file(folder_ / "new.goo");
+  const std::vector<double> wanted_s{20, 20, 18, 16, 12, 12};
+  const auto layers = layers_of(goo);
+  for (std::size_t n = 0; n < wanted_s.size(); ++n) {
+    EXPECT_NEAR(f32(goo, layers[n] + kTime), wanted_s[n], 1e-5) << n;
+  }
+  EXPECT_NEAR(f32(goo, layers.back() + kTime), 12, 1e-5);
+  EXPECT_EQ(goo[kFlag], 1);
+  // Its head, for printers that do not heed the list: exposure, that of bottom layers, how many, transition layers.
+  EXPECT_EQ(f32(goo, 0x2fb08), 12);
+  EXPECT_EQ(f32(goo, 0x2fb29), 20);
+  EXPECT_EQ(u32(goo, 0x2fb2d), 2U);
+  EXPECT_EQ(goo[0x2fb93] * 256 + goo[0x2fb94], 2);
+  // Said anew they are others, and one that is no longer than the new one is none.
+  good(Command{"correct", name, "-o", "said.goo", "--bottom-layers", "3", "--bottom-exposure-s",
+               "30"} +
+       anew);
+  const Bytes said = read_file(folder_ / "said.goo");
+  EXPECT_NEAR(f32(said, layers_of(said)[2] + kTime), 30, 1e-5);
+  EXPECT_NEAR(f32(said, layers_of(said)[3] + kTime), 12, 1e-5);
+  EXPECT_THAT(good(Command{"correct", name, "-o", "all.goo", "--exposure-s", "25"} + kWith).err,
+              HasSubstr("are not kept: every layer gets 25 s"));
+  // An SL1 has a first exposure and even steps.
+  const RunResult sl1 = good({"convert", name, "-o", "faded.sl1"});
+  EXPECT_THAT(
+      sl1.err,
+      HasSubstr("20 s is written for the first, 10 s for all others, and 2 layers in even steps"));
+  Entries entries = unzip(folder_ / "faded.sl1");
+  const std::string config = to_text(entry(entries, "config.ini"));
+  for (const char* line : {"expTime = 10\n", "expTimeFirst = 20\n", "numFade = 4\n"}) {
+    EXPECT_THAT(config, HasSubstr(line));
+  }
+}
+
 // ---- several exposures ----------------------------------------------------------------------------
 
 TEST_F(PrintFileSays, AnImageOfAPixelBeforeTheFirstIsAnotherExposureOfIt) {

@@ -412,6 +412,12 @@ TEST_F(RecordingProgram, InfoSaysIt) {
   EXPECT_EQ(j["recording"]["slices"], j["layers"]);
   EXPECT_EQ(j["recording"]["most_images_in_a_slice"], 2);
   EXPECT_EQ(j["target_layers"], 20);
+  // The way of all images at the speed that was measured; dark in between, which nobody has timed.
+  const double lit_s = (50 * j["recording"]["images"].get<double>() + 5) / 277.8;
+  EXPECT_NEAR(j["light_s"], lit_s, 1e-9);
+  EXPECT_TRUE(j["print_time_s"].is_null());
+  EXPECT_THAT(words.out,
+              HasSubstr("with light, as recorded: nobody has timed what was dark between"));
 }
 
 TEST_F(RecordingProgram, VerifyProbeReportAndSectionFollowIt) {

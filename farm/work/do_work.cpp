@@ -168,6 +168,7 @@ std::vector<std::string> make_stack(const WorkOrder& order, const std::vector<st
     if (info.format == spec.format && keeps_settings(paths[0], info)) file.keep_from = paths[0];
     // What the archive says of lifts counts before the printer's; a job's setup has only that.
     if (info.lift_times) setup.lift_times = info.lift_times;
+    if (!(setup.printer.travel_mm > 0)) file.machine_height_mm = info.machine_height_mm;
     MissingFacts facts;
     facts.layer_um = spec.layer_um;
     facts.pixel_x_um = setup.printer.pixel_x_um;

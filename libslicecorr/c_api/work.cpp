@@ -413,9 +413,10 @@ slicecorr_status slicecorr_correct(const slicecorr_stack* target, const slicecor
     // Ours hold nothing else, but for those that a template made. What is in memory needs no file.
     const bool keeps = t.info.kind == slicecorr::StackKind::foreign ||
                        (!t.slices && slicecorr::keeps_settings(t.path, t.info));
-    const slicecorr::StackFile file = output_file(t, path, keeps);
+    slicecorr::StackFile file = output_file(t, path, keeps);
     const slicecorr::ExecutionContext context = job_of(handle);
     const slicecorr::Setup s = setup_for_target(t, setup);
+    if (!(s.printer.travel_mm > 0)) file.machine_height_mm = t.info.machine_height_mm;
     const bool continuous = need(setup, "setup").choices.mode == "continuous";
     slicecorr::check_lifts(file, s.process, continuous, slicecorr::ChoiceNames::fields);
     tell_notices(s, t, context);

@@ -228,9 +228,10 @@ Markup summary(const ReportContent& c) {
   const Process& process = c.setup.process;
   const bool layerwise = process.mode == ExposureMode::layerwise;
   const int slices = c.info.recording ? c.info.recording->slices() : g.layers;
-  const PrintTime time = c.info.recording ? print_time(c.info)
-                                          : print_time(process, c.setup.lift_times, c.setup.resin.m,
-                                                       g.layer_um, g.layers);
+  const std::string time =
+      c.info.recording ? print_time_in_words(c.info)
+                       : print_time_in_words(print_time(process, c.setup.lift_times,
+                                                        c.setup.resin.m, g.layer_um, g.layers));
   Markup html = markup(
       "<p>{}{} slices of {} um, {} x {} pixels of {:g} x {:g} um. {}: {}.",
       c.info.recording ? fmt::format("What a machine showed, recorded: {} images in ", g.layers)
@@ -238,7 +239,7 @@ Markup summary(const ReportContent& c) {
       slices, heights_in_words(c), g.width_px, g.height_px, g.pixel_x_um, g.pixel_y_um,
       layerwise ? fmt::format("Exposed layer by layer, {:g} s as a rule", process.exposure_s)
                 : fmt::format("Printed at {:g} mm/h", process.speed_mm_h),
-      print_time_in_words(time));
+      time);
   if (c.info.part_volume_mm3 > 0) {
     html += fmt::format(" Resin in the part: {:.3f} ml.", c.info.part_volume_mm3 * 1e-3);
   }

@@ -8,6 +8,7 @@
 #include <string>
 #include <string_view>
 
+#include "slicecorr/light_spreads.hpp"
 #include "slicecorr/misfit.hpp"
 
 namespace slicecorr {
@@ -25,6 +26,21 @@ void detail::check_counts(const Setup& setup, const SetupChoices& choices, Choic
                         fmt::format("{} changes nothing {}; expected it not to be given", o(name),
                                     continuous ? "under UV light" : "layer by layer"));
     }
+  }
+  const bool rounds = is_said(*find_setting("rounds"), choices);
+  if ((rounds || choices.spread_correction == "off") &&
+      !light_spreads(setup.printer, setup.resin, p)) {
+    const char* const said = rounds ? "rounds" : "spread_correction";
+    throw MisfitError(
+        {said},
+        fmt::format("{} changes nothing where no light spreads from pixel to pixel; expected "
+                    "it not to be given, or a printer or a resin whose file says how it spreads",
+                    o(said)));
+  }
+  if (choices.platform_features == "uncapped" && p.omega_max >= kNoCap) {
+    throw MisfitError({"platform_features"},
+                      fmt::format("{} says what a cap of the dose leaves out; expected {} with it",
+                                  o("platform_features"), o("omega_max")));
   }
   if (choices.gap_um > 0 && choices.even_dead_zone.empty()) {
     if (!continuous) {

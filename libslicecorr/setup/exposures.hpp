@@ -22,4 +22,20 @@ inline bool has_first_exposure(const StackInfo* times) {
          times->bottom_exposure_s > 0;
 }
 
+/// The exposures of a print whose usual one is `exposure_s`, where the archive lists those of its layers and they begin
+/// with longer ones that never rise until they are the usual one: as far on the way from the first of them as they
+/// are in the archive. Empty where it has none, or none that is longer than `exposure_s`.
+inline std::vector<double> listed_first_exposures(const StackInfo* times, double exposure_s) {
+  if (!times) return {};
+  std::vector<double> list = trimmed(times->layer_exposure_s);
+  if (list.size() < 2 || !(list.front() > list.back()) || !(list.front() > exposure_s)) return {};
+  const double first_s = list.front(), usual_s = list.back();
+  for (std::size_t n = 1; n < list.size(); ++n) {
+    if (list[n] > list[n - 1]) return {};
+  }
+  for (double& s : list) s = first_s + (exposure_s - first_s) * (first_s - s) / (first_s - usual_s);
+  list.back() = exposure_s;
+  return list;
+}
+
 }  // namespace slicecorr::detail

@@ -41,13 +41,19 @@ std::string shrinkage_notice(const Resin& resin, const StackInfo* times) {
 /// What became of an archive's first exposure when another one follows it; empty when nothing is
 /// to be said.
 std::string first_exposure_notice(const Process& p, const StackInfo* times) {
-  if (p.mode == ExposureMode::layerwise && p.layer_exposure_s.empty() && times &&
-      times->kind == StackKind::foreign && p.bottom_layers + p.fade_layers == 0 &&
-      !times->layer_exposure_s.empty() && times->layer_exposure_s.front() > p.exposure_s) {
-    return fmt::format(
-        "the archive's own exposures of its layers, {:g} s for the first, are not kept: every layer gets "
-        "{:g} s, also those by which the part holds on to the platform",
-        times->layer_exposure_s.front(), p.exposure_s);
+  if (p.mode == ExposureMode::layerwise && times && times->kind == StackKind::foreign &&
+      p.bottom_layers + p.fade_layers == 0 && !times->layer_exposure_s.empty()) {
+    if (p.layer_exposure_s.empty()) {
+      return fmt::format(
+          "the archive's own exposures of its layers, {:g} s for the first, are not kept: every layer gets "
+          "{:g} s, also those by which the part holds on to the platform",
+          times->layer_exposure_s.front(), p.exposure_s);
+    }
+    const bool follow = p.exposure_s != times->layer_exposure_s.back() &&
+                        p.layer_exposure_s == detail::listed_first_exposures(times, p.exposure_s);
+    return follow ? "the archive's longer first exposures stay, in steps to the new one: " +
+                        exposures_in_words(p)
+                  : "";
   }
   const bool changed = p.mode == ExposureMode::layerwise && p.layer_exposure_s.empty() &&
                        has_first_exposure(times) && times->exposure_s > 0 &&
@@ -118,6 +124,19 @@ std::vector<std::string> other_than_made(const Setup& setup, const StackInfo& ma
       tell("resin", fmt::format("'{}' of {:.4g} um", r->name, r->absorbance_height10_um),
            fmt::format("'{}' of {:.4g} um", q.name, q.absorbance_height10_um));
     }
+  }
+  return told;
+}
+
+std::vector<std::string> choices_past(const SetupChoices& choices, const StackInfo& made,
+                                      ChoiceNames names) {
+  std::vector<std::string> told;
+  if (!made.process) return told;
+  for (const Setting& s : settings()) {
+    if (!s.corrects || !is_said(s, choices)) continue;
+    told.push_back(
+        fmt::format("{} says how a part is corrected: this stack is, and it changes nothing",
+                    setting_name(names, s.name)));
   }
   return told;
 }

@@ -245,6 +245,10 @@ void Resolver::resolve_layerwise(Process& process, const StackInfo* times) const
       wrong(fmt::format("{}: expected {} with it, which they start from", o("fade_layers"),
                         o("bottom_exposure_s")));
     }
+    // Steps of any size that the archive lists hold on, too.
+    if (said_of({"bottom_exposure_s", "bottom_layers", "fade_layers"}).empty()) {
+      process.layer_exposure_s = detail::listed_first_exposures(times, process.exposure_s);
+    }
   } else if (!(process.exposure_s > 0) && times) {
     process.exposure_s = times->exposure_s;
     process.layer_exposure_s = trimmed(times->layer_exposure_s);

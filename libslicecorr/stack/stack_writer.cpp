@@ -253,6 +253,10 @@ void StackWriter::Impl::add_images(const std::vector<std::string>& names, const 
 void StackWriter::Impl::write_archive(const StackInfo& its_info, const GreyImage& preview) {
   StackInfo info = its_info;
   info.has_edge_heights = !edge_bands.empty();
+  if (file.machine_height_mm > 0) info.machine_height_mm = file.machine_height_mm;
+  if (!(info.machine_height_mm > 0) && info.printer) {
+    info.machine_height_mm = info.printer->travel_mm;
+  }
   check_layers(info);
   if (codec) return write_coded(info, preview);
   const auto layers = static_cast<std::size_t>(info.grid.layers);

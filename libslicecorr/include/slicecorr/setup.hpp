@@ -80,6 +80,11 @@ std::vector<std::string> setup_notices(const Setup& setup, const StackInfo* time
 std::vector<std::string> other_than_made(const Setup& setup, const StackInfo& made,
                                          ChoiceNames names);
 
+/// What of `choices` says how a part is corrected, and changes nothing of a stack that is corrected already: a sentence for
+/// each. Empty where `made` is of none.
+std::vector<std::string> choices_past(const SetupChoices& choices, const StackInfo& made,
+                                      ChoiceNames names);
+
 /// All of a setup as JSON, in the words in which stacks record it: the same setup gives the same
 /// text, and reading it back gives the same setup, bit for bit.
 std::string setup_json(const Setup& setup);

@@ -104,6 +104,9 @@ struct StackInfo {
   std::optional<LiftTimes> lift_times{};
   /// Time of the print that the archive says itself, s; 0 when it says none.
   double own_print_time_s = 0;
+  /// Height to which the machine builds, mm, as the archive says it; 0 when it does not. Of stacks with a
+  /// printer that is its `travel_mm` where nothing else was told.
+  double machine_height_mm = 0;
   /// As `ImageFrame::made_for`; of archives of other programs nobody knows it.
   Shrinkage made_for{};
 };
@@ -122,8 +125,13 @@ Process process_of_times(const StackInfo& info);
 double light_on_s(const StackInfo& info);
 /// How the platform lifts between layers: as the archive says, else its printer; nothing: not known.
 std::optional<LiftTimes> lift_times_of(const StackInfo& info);
-/// The same time with what lies between layers.
+/// How long a print takes: that time with what lies between layers, in continuous exposure with slices at speeds of
+/// their own. Of a recording how long its images were lit, at the speeds that were measured: what was dark between is not
+/// known.
 PrintTime print_time(const StackInfo& info);
+/// "1 h 10 min, of it 20 min of light"; of a recording "20 min with light, as recorded: nobody has timed what was dark
+/// between".
+std::string print_time_in_words(const StackInfo& info);
 
 /// Grey picture, 8 bit, row by row.
 struct GreyImage {
@@ -213,6 +221,8 @@ struct StackFile {
   /// Empty: a new archive. May be `path` itself.
   std::string keep_from;
   std::string original_sha256;  ///< of a corrected stack, noted in it: see StackInfo
+  /// Height to which the machine builds, mm, for formats that say it; 0: as the stack or its printer says.
+  double machine_height_mm = 0;
   /// Images as small as they get, for stacks that are kept: takes many times longer. The pixels are
   /// the same.
   bool archive = false;

@@ -19,6 +19,10 @@
 namespace slicecorr::cli {
 
 /// Options of all subcommands; only those of the one called are filled.
+/// Throws `InputError` where an archive says another height of layers than `layer_um`, which is for those that say none;
+/// 0: nobody said one.
+void check_layer_height(const std::string& path, double layer_um);
+
 struct Arguments {
   MeshOptions mesh;
   SetupOptions setup;
@@ -61,9 +65,18 @@ struct Arguments {
   }
   StackReader open(const std::string& path, const std::string& scratch,
                    const ExecutionContext& context) const {
+    check_layer_height(path, layer_um);
     return {path, scratch, context, missing()};
   }
 };
+
+/// Of commands that read a stack: throws `InputError` where options say how meshes lie, and none is named that they
+/// are of.
+void check_placement(const Arguments& a, bool meshes);
+/// Whether meshes are named beside a stack: of the part in it, or of wanted doses.
+inline bool names_meshes(const Arguments& a) {
+  return !a.inside.empty() || !a.doses.regions.empty();
+}
 
 /// Of a page or a picture: the name of its file without folder and ending.
 inline std::string title_of(const std::string& path) {

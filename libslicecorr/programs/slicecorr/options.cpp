@@ -228,9 +228,9 @@ std::string describe_stack(const StackInfo& info, const LayerAreas* areas) {
         "exposures    {} of {} layers, whose doses add up{}\n", info.exposures.size(), slices,
         spots > 0 ? fmt::format("; {} of a pixel or none, which stay as they are", spots) : "");
   }
-  if (const PrintTime time = print_time(info); time.light_s > 0) {
-    text += "print time   " + print_time_in_words(time) + "\n";
-    if (process_of_times(info).mode == ExposureMode::layerwise) {
+  if (print_time(info).light_s > 0) {
+    text += "print time   " + print_time_in_words(info) + "\n";
+    if (!info.recording && process_of_times(info).mode == ExposureMode::layerwise) {
       text += "a layer      " +
               layer_time(process_of_times(info), lift_times_of(info), g.layer_um).in_words() + "\n";
     }
@@ -437,7 +437,7 @@ std::string info_json(const StackInfo& info, const std::string& path, const Laye
   j["print_time_s"] = seconds(time.all_s());
   j["own_print_time_s"] =
       info.own_print_time_s > 0 ? ordered_json(info.own_print_time_s) : ordered_json();
-  if (layerwise && lit) {
+  if (layerwise && lit && !info.recording) {
     j["layer_s"] = slicecorr::detail::own_json<ordered_json>(
         layer_time(process_of_times(info), lift_times_of(info), g.layer_um).to_json());
   }

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <cmath>
 #include <nlohmann/json.hpp>
 #include <optional>
 
@@ -18,6 +19,40 @@
 #include "slicecorr/turned.hpp"
 #include "support/json/read_json.hpp"
 #include "support/text/display_text.hpp"
+
+namespace slicecorr::cli {
+
+void check_layer_height(const std::string& path, double layer_um) {
+  if (!(layer_um > 0)) return;
+  constexpr double same = 1e-3;  // as where a stack is read
+  const double said_um = StackReader::read_info(path).grid.layer_um;
+  if (!(said_um > 0) || std::abs(said_um - layer_um) <= same * said_um) return;
+  throw InputError(
+      path, "",
+      fmt::format("says layers of {:.6g} um, and --layer-um {:.6g} is for archives that say none; "
+                  "expected it not to be given",
+                  said_um, layer_um));
+}
+
+void check_placement(const Arguments& a, bool meshes) {
+  if (!a.doses.designs.empty() && a.doses.regions.empty()) {
+    throw InputError(
+        "--design says of which meshes a stack was sliced, beside which each --region lies; expected --region with it");
+  }
+  static const MeshOptions unset;
+  const MeshOptions& m = a.mesh;
+  const char* const said = !m.center_mm.empty()       ? "--center-mm"
+                           : m.units != unset.units   ? "--units"
+                           : m.scale != unset.scale   ? "--scale"
+                           : m.fit_mm != unset.fit_mm ? "--fit-mm"
+                           : !m.rotate_deg.empty()    ? "--rotate-deg"
+                                                      : nullptr;
+  if (said == nullptr || meshes) return;
+  throw InputError(fmt::format(
+      "{} says how meshes lie, and a stack stays as it is; expected it with a mesh alone", said));
+}
+
+}  // namespace slicecorr::cli
 
 namespace slicecorr::cli::commands {
 
@@ -39,6 +74,12 @@ int each_plate(const Arguments& a, const Printer& printer, const ExecutionContex
     if (const int code = make(one); code != kDone) return code;
   }
   return kDone;
+}
+
+/// `file` with the height of the machine, which targets and archives of others do not have a printer file for.
+StackFile for_machine(StackFile file, const Printer& printer, double otherwise_mm = 0) {
+  file.machine_height_mm = printer.travel_mm > 0 ? printer.travel_mm : otherwise_mm;
+  return file;
 }
 
 /// Tells that the printer that was named does not read what is written.
@@ -86,7 +127,7 @@ int slice_unevenly(const Arguments& a, const LayerHeights& heights, const Printe
                    const ExecutionContext& context, Console& console) {
   const PartSlices slices(a.mesh, printer, {heights}, context);
   const FittedSlices fitted = fit_for_output(*slices, a.file(), printer, context);
-  const StackInfo info = write_target(*fitted, heights, a.file(), context);
+  const StackInfo info = write_target(*fitted, heights, for_machine(a.file(), printer), context);
   const auto [least, most] =
       std::minmax_element(info.layer_heights_um.begin(), info.layer_heights_um.end());
   console.say(
@@ -103,7 +144,7 @@ int slice_plate(const Arguments& a, const ExecutionContext& context, Console& co
   if (!heights.alike()) return slice_unevenly(a, heights, printer, context, console);
   const MeshSlices slices = slice_parts(a.mesh, printer, a.setup.wanted_surface(), context);
   const FittedSlices fitted = fit_for_output(slices, a.file(), printer, context);
-  const StackInfo info = write_target(*fitted, a.file(), context);
+  const StackInfo info = write_target(*fitted, for_machine(a.file(), printer), context);
   console.say(fmt::format("{}: {} slices, {:.4f} ml", a.output, info.grid.layers,
                           info.part_volume_mm3 * 1e-3));
   return kDone;
@@ -123,6 +164,7 @@ PrintTime written_time(StackInfo info, const std::string& path) {
 }  // namespace
 
 int correct(const Arguments& a, const ExecutionContext& context, Console& console) {
+  check_placement(a, names_meshes(a));
   StackFile file = a.file();
   check_output(a.output, a.with_left_alone({a.input}));
   check_output(a.output, a.doses.inputs());
@@ -131,6 +173,7 @@ int correct(const Arguments& a, const ExecutionContext& context, Console& consol
   const StackInfo times = StackReader::read_info(design(a.input));
   file.format = format_of(file, times.format);
   const Setup setup = a.uncertain.put(a.setup.resolve(nullptr, &times), a.setup);
+  file = for_machine(file, setup.printer, times.machine_height_mm);
   tell_notices(setup, &times, context);
   tell_database_band(a.setup.resin, context, setup.process.assumed);
   tell_doubted_grey(a.setup.printer, setup, context);
@@ -265,6 +308,7 @@ int convert(const Arguments& a, const ExecutionContext& context, Console& consol
     printer = load_display(a.setup.printer);
     tell_unread(printer.unread, context);
     tell_not_read(a, file, context);
+    file = for_machine(file, printer);
   } else if (stack.info().printer) {
     printer = *stack.info().printer;
   }

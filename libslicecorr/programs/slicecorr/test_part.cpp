@@ -124,6 +124,7 @@ StackFile file_of(const TestPartOptions& o, const ExecutionContext& context) {
     context.tell(o.kept + ": its settings and pictures stay, its layers become those of the part");
   }
   check_read_by(o.printer, file);
+  file.machine_height_mm = load_display(o.printer).travel_mm;
   return file;
 }
 

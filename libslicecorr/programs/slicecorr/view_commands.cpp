@@ -84,6 +84,9 @@ struct StackAndDesign {
     for (const std::string& text : other_than_made(setup, stack.info(), ChoiceNames::options)) {
       context.tell(text);
     }
+    for (const std::string& text : choices_past(a.setup, stack.info(), ChoiceNames::options)) {
+      context.tell(text);
+    }
     const AssumedLight assumed = setup.process.assumed;
     if (assumed != AssumedLight::none) {
       context.tell(assumption_in_words(setup.printer, setup.resin, setup.process));
@@ -188,6 +191,7 @@ std::optional<Bodies> printed_bodies(const StackReader& stack, const Setup& setu
 }  // namespace
 
 int verify(const Arguments& asked, const ExecutionContext& context, Console& console) {
+  check_placement(asked, names_meshes(asked));
   const Arguments a = with_target(asked);
   check_output(a.json, {a.input, a.target});
   check_output(a.output, {a.input, a.target});
@@ -280,6 +284,7 @@ int probe(const Arguments& asked, const ExecutionContext& context, Console&) {
 }
 
 int report(const Arguments& asked, const ExecutionContext& context, Console& console) {
+  check_placement(asked, names_meshes(asked));
   const Arguments a = with_target(asked);
   check_output(a.output, {a.input, a.target});
   const StackAndDesign given(a, folder_of(a.output), folder_of(a.output), context);
@@ -325,6 +330,7 @@ int section(const Arguments& asked, const ExecutionContext& context, Console& co
 }
 
 int solid(const Arguments& a, const ExecutionContext& context, Console& console) {
+  check_placement(a, !a.mesh.parts.empty());
   std::vector<std::string> inputs = a.mesh.parts;
   inputs.insert(inputs.end(), {a.input, a.target});
   check_output(a.output, inputs);

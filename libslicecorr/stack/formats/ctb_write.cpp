@@ -103,7 +103,7 @@ class CtbChange {
                  changed_print_time_s(head.u32(f.print_time_s), r_.kept_contents->info, info));
     if (r_.light_changes) change_light();
     if (!r_.exposure_changes) return;
-    const ExposureSummary s = exposure_summary(info);
+    const ExposureSummary s = head_summary(info);
     const bool says_fade = ctb_.slicer.has_value() && ctb_.version >= 4;
     if (!ctb_.has_layer_flag()) {
       require_even_times(r_, s,
@@ -116,7 +116,7 @@ class CtbChange {
     }
     head.set_f32(f.exposure_s, s.normal_s);
     head.set_f32(f.bottom_exposure_s, s.bottom_s);
-    if (s.uneven) return;
+    if (s.uneven && s.bottom_layers == 0) return;
     head.set_u32(f.bottom_layers, static_cast<std::uint32_t>(s.bottom_layers));
     if (f.bottom_layers_again != 0) {
       head.set_u32(f.bottom_layers_again, static_cast<std::uint32_t>(s.bottom_layers));
@@ -292,8 +292,7 @@ void write_new_ctb(const ArchiveRequest& r, BinaryOutput& output) {
   head.set_u32(4, 4);
   head.set_f32(0x08, grid.width_px * grid.pixel_x_um * 1e-3);
   head.set_f32(0x0c, grid.height_px * grid.pixel_y_um * 1e-3);
-  head.set_f32(0x10, info.printer && info.printer->travel_mm > 0 ? info.printer->travel_mm
-                                                                 : std::ceil(total_mm));
+  head.set_f32(0x10, new_machine_height_mm(info, total_mm));
   head.set_f32(0x1c, total_mm);
   head.set_f32(0x20, grid.layer_um * 1e-3);
   head.set_f32(0x24, s.normal_s);

@@ -224,7 +224,7 @@ std::vector<unsigned> change_settings(const ArchiveRequest& r, Cxdlp4File& c) {
     light = steps.layers;
   }
   if (!r.exposure_changes) return light;
-  const ExposureSummary s = exposure_summary(r.info);
+  const ExposureSummary s = head_summary(r.info);
   if (!c.heeds_layers()) require_even_times(r, s, unmarked);
   for (const auto& [block, normal, bottom] :
        {std::tuple(&c.print, kPrintExposure, kPrintBottomExposure),
@@ -232,7 +232,7 @@ std::vector<unsigned> change_settings(const ArchiveRequest& r, Cxdlp4File& c) {
     block->set_f32(normal, s.normal_s);
     block->set_f32(bottom, s.bottom_s);
   }
-  if (!s.uneven) {
+  if (!s.uneven || s.bottom_layers > 0) {
     head.set_u32(cxdlp4_at::kBottoms, static_cast<std::uint32_t>(s.bottom_layers));
     c.print.set_u32(kPrintBottoms, static_cast<std::uint32_t>(s.bottom_layers));
     slicer.set_u32(kSlicerTransition, static_cast<std::uint32_t>(s.fade_layers));
@@ -257,6 +257,7 @@ ArchiveContents read_cxdlp4(const BinaryFile& file, std::uint64_t head_at,
   grid.pixel_y_um = pixel_um(
       head.real(cxdlp4_at::kBed + 4, "the display's height", 1e4) / grid.height_px, file, "head");
   grid.layer_um = layer_um(head.real(cxdlp4_at::kLayerMm, "the layer height", 100), file, "head");
+  info.machine_height_mm = machine_height_of(head.f32(cxdlp4_at::kBed + 8));
   take_times_of(file, c, contents);
   take_lifts_of(c, info);
   info.own_print_time_s = head.u32(cxdlp4_at::kPrintTime);

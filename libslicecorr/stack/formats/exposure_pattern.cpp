@@ -103,8 +103,9 @@ ExposureSummary exposure_summary(const StackInfo& info) {
 
 ExposureSummary head_summary(const StackInfo& info) {
   ExposureSummary s = exposure_summary(info);
-  const std::vector<double>& times_s = info.layer_exposure_s;
-  if (!s.uneven || times_s.empty() || !(times_s.front() > s.normal_s)) return s;
+  if (!s.uneven) return s;
+  const std::vector<double> times_s = process_of_times(info).layer_exposure_s;
+  if (times_s.empty() || !(times_s.front() > s.normal_s)) return s;
   const auto layers = static_cast<int>(times_s.size());
   const auto at = [&](int n) { return times_s[static_cast<std::size_t>(n)]; };
   while (s.bottom_layers < layers && same_time(at(s.bottom_layers), at(0))) ++s.bottom_layers;
@@ -178,15 +179,44 @@ double stack_height_um(const StackInfo& info, int layers) {
   return sum;
 }
 
+namespace {
+
+/// How long the images of a recording were lit, s: by the way and the speed of the window while each was, else by its
+/// light.
+double recorded_light_s(const StackInfo& info) {
+  const double m = info.resin ? light_exponent(*info.resin, *info.process) : 1.0;
+  double sum = 0;
+  for (int n = 0; n < info.recording->slices(); ++n) {
+    for (const Recording::Showing& p : info.recording->of(n)) {
+      if (!(p.light > 0)) continue;
+      if (p.speed_um_s != 0 && p.to_um != p.from_um) {
+        sum += std::abs((p.to_um - p.from_um) / p.speed_um_s);
+      } else if (p.blue_share > 0) {
+        sum += p.light * planned_light_s(*info.process, info.grid.layer_um, n, m) /
+               std::pow(p.blue_share, m);
+      }
+    }
+  }
+  return sum;
+}
+
+}  // namespace
+
 PrintTime print_time(const StackInfo& info) {
+  // Nobody has timed what was dark between the images of a recording.
+  if (info.recording && info.process) return {recorded_light_s(info)};
   const double light_s = light_on_s(info);
-  const bool continuous = process_of_times(info).mode == ExposureMode::continuous;
-  // Nobody has timed what lay between the images of a recording.
-  if (info.recording && !continuous) return {light_s};
-  if (continuous) return {light_s, 0.0};
+  if (process_of_times(info).mode == ExposureMode::continuous) return {light_s, 0.0};
   return print_time_of_layers(lift_times_of(info), light_s,
                               stack_height_um(info, info.grid.layers) / info.grid.layers,
                               info.grid.layers);
+}
+
+std::string print_time_in_words(const StackInfo& info) {
+  const PrintTime time = print_time(info);
+  if (!info.recording) return print_time_in_words(time);
+  return print_time_in_words({time.light_s, 0.0}) +
+         " with light, as recorded: nobody has timed what was dark between";
 }
 
 std::optional<LiftTimes> lift_times_of(const StackInfo& info) {

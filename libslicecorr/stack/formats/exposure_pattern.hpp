@@ -31,9 +31,9 @@ struct ExposureSummary {
   bool uneven = false;
 };
 ExposureSummary exposure_summary(const StackInfo& info);
-/// The same for the head of a new file that lists layers, too: where these numbers can't say all, the first
-/// layers and those that fade from them as they are, so that a printer that doesn't heed the list prints
-/// nearly the same.
+/// The same for the head of a file, whether it lists layers, too, or not: where these numbers can't say all, the
+/// first layers and those that fade from them as they are, so that a printer that doesn't heed a list prints
+/// nearly the same. `uneven` stays.
 ExposureSummary head_summary(const StackInfo& info);
 /// Whether layers of the two are lit for different times.
 bool exposures_differ(const StackInfo& a, const StackInfo& b);

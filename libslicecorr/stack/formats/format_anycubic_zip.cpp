@@ -184,6 +184,7 @@ void read_machine(const Container& archive, const SettingNode& machine, ArchiveC
   grid.pixel_x_um = pixel("print_xsize", "xy_pixel", grid.width_px);
   grid.pixel_y_um = pixel("print_ysize", "xy_pixel_y", grid.height_px);
   contents.info.profiles.printer = text_or(machine, "name");
+  contents.info.machine_height_mm = machine_height_of(number_or(machine, "print_zsize", 1e9, 0));
   contents.codec = pw0_code(grid.width_px, grid.height_px, false);
 }
 
@@ -365,7 +366,7 @@ void change_settings(const ArchiveRequest& r, ContainerOutput& output) {
   if (printer_chooses(said)) {
     settings.refuse(kPrinterChoosesWords);
   }
-  const ExposureSummary s = exposure_summary(r.info);
+  const ExposureSummary s = head_summary(r.info);
   if (!heeds_layers(said)) {
     require_even_times(r, s,
                        "the file's mark that printers heed times of single layers is not set");
@@ -377,7 +378,7 @@ void change_settings(const ArchiveRequest& r, ContainerOutput& output) {
   }
   change.set(basic, "exposure_time", s.normal_s);
   change.set(basic, "bott_time", s.bottom_s);
-  if (!s.uneven) {
+  if (!s.uneven || s.bottom_layers > 0) {
     change.set(basic, "bott_layers", s.bottom_layers);
     if (s.fade_layers > 0) {
       change.set(more, "transition_layercount", s.fade_layers);

@@ -81,7 +81,7 @@ void change_chitubox(const ArchiveRequest& r, ContainerOutput& output) {
   }
   if (layers != kept_layers) set_where_there(head, "totalLayer", std::to_string(layers));
   if (r.exposure_changes) {
-    const ExposureSummary s = exposure_summary(r.info);
+    const ExposureSummary s = head_summary(r.info);
     const std::string count = std::to_string(s.bottom_layers), bottom = number_text(s.bottom_s);
     set_where_there(head, "normalExposureTime", number_text(s.normal_s));
     for (const char* key : {"bottomLayExposureTime", "bottomLayerExposureTime"}) {
@@ -97,7 +97,7 @@ void change_chitubox(const ArchiveRequest& r, ContainerOutput& output) {
 std::string new_gcode(const ArchiveRequest& r) {
   const StackInfo& info = r.info;
   const Grid& g = info.grid;
-  const ExposureSummary s = exposure_summary(info);
+  const ExposureSummary s = head_summary(info);
   const NewLift lift = new_lift(info);
   if (lift.from == NewLift::From::archive) tell_new_lift(r, "Chitubox", lift);
   const OneStage usual = one_stage(lift.times.of(g.layers - 1)),
@@ -108,10 +108,8 @@ std::string new_gcode(const ArchiveRequest& r) {
   };
   const auto mm = [](double value) { return number_text(std::round(value * 1e6) / 1e6); };
   const double layer_mm = g.layer_um * 1e-3;
-  const double build_mm =
-      info.printer && info.printer->travel_mm > 0
-          ? info.printer->travel_mm
-          : std::ceil(stack_height_um(info, g.layers) * 1e-3 + std::max(kLiftMm, up_mm));
+  const double build_mm = new_machine_height_mm(
+      info, stack_height_um(info, g.layers) * 1e-3 + std::max(kLiftMm, up_mm));
   std::string body = ";START_GCODE_BEGIN\nG21;\nG90;\nM106 S0;\nG28 Z0;\n\n;START_GCODE_END\n\n";
   double total_s = 0;
   bool rounded = false;
@@ -214,6 +212,7 @@ class ChituboxZip final : public ArchiveFormat {
     grid.pixel_x_um = pixel_um(width_mm / grid.width_px, archive, kGcodeEntry);
     grid.pixel_y_um = pixel_um(height_mm / grid.height_px, archive, kGcodeEntry);
     grid.layer_um = layer_um(head.number("layerHeight", 0, 1e5).value_or(0), archive, kGcodeEntry);
+    info.machine_height_mm = machine_height_of(lift_number(head, "machineZ").value_or(0));
     info.orientation.mirror_x = head.number("mirror", 0, 255).value_or(0) != 0;
     info.exposure_s = head.number("normalExposureTime", 0, 1e6).value_or(0);
     const double bottom_s =
@@ -252,6 +251,7 @@ class ChituboxZip final : public ArchiveFormat {
 
   std::vector<std::string> write(const ArchiveRequest& r, ContainerOutput& output) const override {
     warn_of_mode(r, "Chitubox");
+    if (r.kept == nullptr || r.exposure_changes) tell_head_times(r, "Chitubox");
     if (r.kept != nullptr) {
       std::vector<std::string> names = continued_names(r, ".png");
       change_chitubox(r, output);

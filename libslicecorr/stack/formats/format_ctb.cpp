@@ -207,6 +207,7 @@ ArchiveContents read_family(const BinaryFile& file, CtbFamily family) {
   grid.pixel_y_um =
       pixel_um(head.real(f.bed_mm + 4, "the display's height", 1e4) / ctb.height_px, file, "head");
   grid.layer_um = layer_um(head.real(f.layer_mm, "the layer height", 100), file, "head");
+  info.machine_height_mm = machine_height_of(head.f32(f.bed_mm + 8));
   info.exposure_s = head.real(f.exposure_s, "the exposure", 1e6);
   info.bottom_exposure_s = head.real(f.bottom_exposure_s, "the exposure of bottom layers", 1e6);
   info.bottom_layers = static_cast<int>(std::min(head.u32(f.bottom_layers), ctb.layers));

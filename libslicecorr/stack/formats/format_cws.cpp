@@ -163,6 +163,10 @@ ArchiveContents read_cws(const Container& archive) {
   };
   info.orientation.mirror_x = is_true("(Flip X");
   info.orientation.mirror_y = is_true("(Flip Y");
+  if (settings.head) {
+    info.machine_height_mm =
+        machine_height_of(lift_number(*settings.head, "(Platform Z Size").value_or(0));
+  }
   info.exposure_s = settings.number("layers_expo_ms", "(Layer Time", 1e9).value_or(0) / 1000;
   const double bottom_s =
       settings.number("head_layers_expo_ms", "(Bottom Layers Time", 1e9).value_or(0) / 1000;
@@ -272,7 +276,7 @@ void change_cws(const ArchiveRequest& r, const std::vector<std::string>& images,
                                  "layers nor times can be changed",
                                  kept_layers - 1));
   }
-  const ExposureSummary s = exposure_summary(r.info);
+  const ExposureSummary s = head_summary(r.info);
   if (settings.config) {
     KeyValueText& config = *settings.config;
     const std::string before = config.text();
@@ -309,7 +313,7 @@ double lift_mm(const StackInfo& info) { return lifts(info) ? kNovaLiftMm : 0; }
 
 std::string new_config(const StackInfo& info) {
   const Grid& g = info.grid;
-  const ExposureSummary s = exposure_summary(info);
+  const ExposureSummary s = head_summary(info);
   std::string config = fmt::format("# slicecorr {}\n# conf version 1.0\n\n", version);
   const auto say = [&](const char* key, const std::string& value) {
     config += fmt::format("{:<24}= {}\n", key, value);
@@ -334,10 +338,9 @@ std::string new_config(const StackInfo& info) {
 /// The comments and commands before the first layer.
 std::string new_gcode_head(const StackInfo& info) {
   const Grid& g = info.grid;
-  const ExposureSummary s = exposure_summary(info);
-  const double build_mm = info.printer && info.printer->travel_mm > 0
-                              ? info.printer->travel_mm
-                              : std::ceil(g.layers * (g.layer_um * 1e-3) + kNovaLiftMm);
+  const ExposureSummary s = head_summary(info);
+  const double build_mm =
+      new_machine_height_mm(info, stack_height_um(info, g.layers) * 1e-3 + kNovaLiftMm);
   std::string text =
       fmt::format("; slicecorr {}\n;(****Build and Slicing Parameters****)\n", version);
   const auto add = [&](const char* key, const std::string& value) {
@@ -382,7 +385,7 @@ std::string new_gcode_head(const StackInfo& info) {
 void make_new(const ArchiveRequest& r, const std::string& name, ContainerOutput& output) {
   const StackInfo& info = r.info;
   const double up_mm = lift_mm(info);
-  const LightSteps light = light_steps(r, r.stem, exposure_summary(info).bottom_layers);
+  const LightSteps light = light_steps(r, r.stem, head_summary(info).bottom_layers);
   output.add_text(kConfigEntry, new_config(info));
   std::string text = new_gcode_head(info);
   bool rounded = false;
@@ -434,6 +437,7 @@ class Cws final : public ArchiveFormat {
 
   std::vector<std::string> write(const ArchiveRequest& r, ContainerOutput& output) const override {
     warn_of_mode(r, "CWS");
+    if (r.kept == nullptr || r.exposure_changes) tell_head_times(r, "CWS");
     if (r.kept != nullptr) {
       std::vector<std::string> names = continued_names(r, ".png");
       change_cws(r, names, output);

@@ -141,7 +141,7 @@ struct NewExposures {
 };
 
 NewExposures new_exposures(const StackInfo& info) {
-  const ExposureSummary s = exposure_summary(info);
+  const ExposureSummary s = head_summary(info);
   NewExposures e;
   e.settings.model_s = s.normal_s;
   e.settings.first_s = e.settings.burn_in_s = s.bottom_layers > 0 ? s.bottom_s : s.normal_s;

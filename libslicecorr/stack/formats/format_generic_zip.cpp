@@ -52,15 +52,14 @@ void read_manifest(const Container& archive, ArchiveContents& contents) {
       pixel_um(number("DisplayWidth", 1e5).value_or(0) / grid.width_px, archive, kUvtoolsManifest);
   grid.pixel_y_um = pixel_um(number("DisplayHeight", 1e5).value_or(0) / grid.height_px, archive,
                              kUvtoolsManifest);
+  contents.info.machine_height_mm = machine_height_of(root.child("MachineZ").text().as_double());
 }
 
 /// The manifest as UVtools writes it, without dates.
 std::string new_manifest(const ArchiveRequest& r) {
   const Grid& g = r.info.grid;
   const auto mm = [](double value) { return number_text(std::round(value * 1e6) / 1e6); };
-  const double build_mm = r.info.printer && r.info.printer->travel_mm > 0
-                              ? r.info.printer->travel_mm
-                              : std::ceil(g.layers * g.layer_um * 1e-3);
+  const double build_mm = new_machine_height_mm(r.info, g.layers * g.layer_um * 1e-3);
   pugi::xml_document document;
   pugi::xml_node declaration = document.append_child(pugi::node_declaration);
   declaration.append_attribute("version") = "1.0";

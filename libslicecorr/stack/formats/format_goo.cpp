@@ -235,14 +235,14 @@ void change_goo(const ArchiveRequest& r, BinaryOutput& output) {
   head.set_u32(kPrintTime,
                changed_print_time_s(head.u32(kPrintTime), r.kept_contents->info, r.info));
   if (r.exposure_changes) {
-    const ExposureSummary s = exposure_summary(r.info);
+    const ExposureSummary s = head_summary(r.info);
     if (head.u8(kLayerFlag) == 0) {
       require_even_times(r, s,
                          "the file's mark that printers heed times of single layers is not set");
     }
     head.set_f32(kExposure, s.normal_s);
     head.set_f32(kBottomExposure, s.bottom_s);
-    if (!s.uneven) {
+    if (!s.uneven || s.bottom_layers > 0) {
       head.set_u32(kBottomLayers, static_cast<std::uint32_t>(s.bottom_layers));
       head.set_u16(kTransition, static_cast<std::uint32_t>(s.fade_layers));
     }
@@ -344,8 +344,7 @@ void write_new(const ArchiveRequest& r, BinaryOutput& output) {
   if (own) tell_own_settings(r, "GOO");
   head.set_f32(kDisplay, grid.width_px * grid.pixel_x_um * 1e-3);
   head.set_f32(kDisplay + 4, grid.height_px * grid.pixel_y_um * 1e-3);
-  head.set_f32(kDisplay + 8, info.printer && info.printer->travel_mm > 0 ? info.printer->travel_mm
-                                                                         : std::ceil(total_mm));
+  head.set_f32(kDisplay + 8, new_machine_height_mm(info, total_mm));
   head.set_f32(kLayerMm, grid.layer_um * 1e-3);
   head.set_f32(kExposure, s.normal_s);
   head.set_u8(kMode, 1);
@@ -448,6 +447,7 @@ class Goo final : public ArchiveFormat {
     grid.pixel_y_um = pixel_um(
         head.real(kDisplay + 4, "the display's height", 1e4) / grid.height_px, file, "head");
     grid.layer_um = layer_um(head.real(kLayerMm, "the layer height", 100), file, "head");
+    info.machine_height_mm = machine_height_of(head.f32(kDisplay + 8));
     info.exposure_s = head.real(kExposure, "the exposure", 1e6);
     info.bottom_exposure_s = head.real(kBottomExposure, "the exposure of bottom layers", 1e6);
     info.bottom_layers =

@@ -239,7 +239,7 @@ void change_nanodlp(const ArchiveRequest& r, ContainerOutput& output) {
     }
   }
   if (r.exposure_changes) {
-    const ExposureSummary s = exposure_summary(r.info);
+    const ExposureSummary s = head_summary(r.info);
     Profile p(kept);
     const Json before = p.profile.json, over_before = p.over ? p.over->json : Json();
     const auto set = [&](const char* key, const Json& value) {
@@ -272,7 +272,7 @@ void change_nanodlp(const ArchiveRequest& r, ContainerOutput& output) {
 void make_new(const ArchiveRequest& r, bool packed, ContainerOutput& output) {
   const StackInfo& info = r.info;
   const Grid& g = info.grid;
-  const ExposureSummary s = exposure_summary(info);
+  const ExposureSummary s = head_summary(info);
   const auto rounded = [](double value) { return std::round(value * 1e6) / 1e6; };
   const double height_mm = rounded(stack_height_um(info, g.layers) * 1e-3);
   const double half_x_mm = rounded(g.width_px * g.pixel_x_um * 0.5e-3);

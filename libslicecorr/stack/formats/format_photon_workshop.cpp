@@ -316,12 +316,12 @@ void change_workshop(const ArchiveRequest& r, BinaryOutput& output) {
   changed.lay_out();
   check_offsets_fit(changed, file);
   if (r.exposure_changes) {
-    const ExposureSummary s = exposure_summary(r.info);
+    const ExposureSummary s = head_summary(r.info);
     if (w.header.u32(kLayerFlag) == 0) {
       require_even_times(r, s,
                          "the file's mark that printers heed times of single layers is not set");
     }
-    if (s.fade_layers > 0 && w.version < 516) {
+    if (s.fade_layers > 0 && !s.uneven && w.version < 516) {
       throw InputError(
           file.path(), "",
           "can't say that exposures fade from bottom layers to the others; expected no "
@@ -329,7 +329,7 @@ void change_workshop(const ArchiveRequest& r, BinaryOutput& output) {
     }
     w.header.set_f32(kExposure, s.normal_s);
     w.header.set_f32(kBottomExposure, s.bottom_s);
-    if (!s.uneven) {
+    if (!s.uneven || s.bottom_layers > 0) {
       w.header.set_f32(kBottomLayers, s.bottom_layers);
       if (w.version >= 516) {
         w.header.set_u32(kTransition, static_cast<std::uint32_t>(s.fade_layers));
@@ -443,7 +443,10 @@ class PhotonWorkshop final : public ArchiveFormat {
     if (printer_chooses_exposures(file, w)) contents.warnings.emplace_back(kPrinterChoosesWords);
     take_lifts_of(file, w, info);
     if (w.version >= 516) info.own_print_time_s = h.u32(kPrintTime);
-    if (w.machine) info.profiles.printer = w.machine->text(0x10, 96);
+    if (w.machine) {
+      info.profiles.printer = w.machine->text(0x10, 96);
+      info.machine_height_mm = machine_height_of(w.machine->f32(0x90));
+    }
     contents.codec = codec_of(file, w);
     const std::uint32_t aa = h.u32(kAntiAliasing);
     const bool pw0 = is_pw0(file, w);

@@ -79,6 +79,8 @@ void read_display(const KeyValueText& config, const std::optional<KeyValueText>&
     info.orientation.portrait = settings->find("display_orientation") == "portrait";
     info.orientation.mirror_x = settings->find("display_mirror_x") == "1";
     info.orientation.mirror_y = settings->find("display_mirror_y") == "1";
+    info.machine_height_mm =
+        machine_height_of(lift_number(*settings, "max_print_height").value_or(0));
     if (width_mm && height_mm && x_px && y_px && *width_mm > 0 && *height_mm > 0) {
       const double x_um = std::round(*width_mm / *x_px * 1e9) / 1e6;
       const double y_um = std::round(*height_mm / *y_px * 1e9) / 1e6;
@@ -139,13 +141,22 @@ struct Times {
 };
 
 Times times_of(const ArchiveRequest& r) {
-  const ExposureSummary s = exposure_summary(r.info);
+  const ExposureSummary s = head_summary(r.info);
+  const bool longer_first = s.bottom_layers + s.fade_layers > 0;
   if (r.warnings && s.uneven) {
-    r.warnings->push_back(fmt::format(
-        "SL1 archives have no exposure time of their own for each layer: {:g} s is written for all",
-        s.normal_s));
+    r.warnings->push_back(
+        longer_first
+            ? fmt::format(
+                  "SL1 archives have no exposure time of their own for each layer: {:g} s is written for "
+                  "the first, {:g} s for all others, and {} in even steps between",
+                  s.bottom_s, s.normal_s,
+                  s.fade_layers == 1 ? "1 layer" : fmt::format("{} layers", s.fade_layers))
+            : fmt::format(
+                  "SL1 archives have no exposure time of their own for each layer: {:g} s is "
+                  "written for all",
+                  s.normal_s));
   }
-  if (s.uneven || s.bottom_layers + s.fade_layers == 0) return {s.normal_s, s.normal_s, 2};
+  if (!longer_first) return {s.normal_s, s.normal_s, 2};
   if (r.warnings && s.bottom_layers > 1) {
     r.warnings->push_back(fmt::format(
         "an SL1 printer gives the longer first exposure to one layer, not to {}", s.bottom_layers));
@@ -239,11 +250,8 @@ void make_new(const ArchiveRequest& r, ContainerOutput& output) {
           bed, number_text(height_mm), int{info.orientation.mirror_x},
           int{info.orientation.mirror_y}, turned ? "portrait" : "landscape", x_px, y_px,
           number_text(width_mm), number_text(t.normal_s), t.fade, number_text(t.first_s), layer_mm,
-          layer_mm,
-          number_text(info.printer && info.printer->travel_mm > 0
-                          ? info.printer->travel_mm
-                          : std::ceil(g.layers * g.layer_um * 1e-3)),
-          model, printer, material, print));
+          layer_mm, number_text(new_machine_height_mm(info, g.layers * g.layer_um * 1e-3)), model,
+          printer, material, print));
   if (!r.preview.pixels.empty()) {
     output.add("thumbnail/thumbnail400x400.png", encode_png(framed(r.preview, 400, 400)));
     output.add("thumbnail/thumbnail800x480.png", encode_png(framed(r.preview, 800, 480)));

@@ -78,6 +78,27 @@ double layer_um(double layer_mm, const Container& archive, const std::string& sa
   return checked_um(layer_mm, archive, says, "layers");
 }
 
+double machine_height_of(double mm) {
+  constexpr double most_mm = 1e5, steps_per_mm = 1e4;
+  if (!(mm > 0 && mm <= most_mm)) return 0;
+  return std::round(mm * steps_per_mm) / steps_per_mm;
+}
+
+namespace {
+
+/// An archive that says less than the part is high says no height of a machine: printers' files do.
+bool machine_height_known(const StackInfo& info) {
+  if (!(info.machine_height_mm > 0)) return false;
+  if (info.printer && info.printer->travel_mm == info.machine_height_mm) return true;
+  return info.machine_height_mm >= stack_height_um(info, info.grid.layers) * 1e-3 - 1e-6;
+}
+
+}  // namespace
+
+double new_machine_height_mm(const StackInfo& info, double otherwise_mm) {
+  return machine_height_known(info) ? info.machine_height_mm : std::ceil(otherwise_mm);
+}
+
 void take_layer_times(std::vector<double> times_s, StackInfo& info) {
   if (times_s.empty()) return;
   if (info.exposure_s == 0) info.exposure_s = times_s.back();
@@ -198,6 +219,23 @@ void tell_own_settings(const ArchiveRequest& request, std::string_view format) {
            "layers have times or light of their own: the new {} file lists them and says that "
            "printers are to heed the list, which some do not",
            format));
+}
+
+void tell_head_times(const ArchiveRequest& request, std::string_view format) {
+  const ExposureSummary s = head_summary(request.info);
+  if (!lifts(request.info) || (!s.uneven && s.fade_layers == 0)) return;
+  warn(
+      request,
+      fmt::format(
+          "the head of {} archives says {}{:g} s for all layers{}: times of single layers are in the "
+          "G-code, which printers run",
+          format,
+          s.bottom_layers > 0
+              ? fmt::format(
+                    "{:g} s for the first {}, and ", s.bottom_s,
+                    s.bottom_layers == 1 ? "layer" : fmt::format("{} layers", s.bottom_layers))
+              : "",
+          s.normal_s, s.bottom_layers > 0 ? " after them" : ""));
 }
 
 void tell_unheeded_times(const std::vector<double>& times_s, const StackInfo& info,
@@ -371,8 +409,8 @@ void tell_new_lift(const ArchiveRequest& request, std::string_view format, const
            "a new {} file says lifts of {}{}{}", format, motion_in_words(last),
            first == last ? "" : fmt::format(" (the first layer: {})", motion_in_words(first)),
            from));
-  const bool height_known = request.info.printer && request.info.printer->travel_mm > 0;
-  if (lift.from == NewLift::From::archive && !height_known) {
+  // With lifts that are proposed it is told that a template says what the printer needs.
+  if (lift.from != NewLift::From::proposed && !machine_height_known(request.info)) {
     warn(
         request,
         fmt::format("the new {} file says a machine as high as the part: the height of the machine "

@@ -38,6 +38,13 @@ double pixel_um(double pixel_mm, const Container& archive, const std::string& sa
 /// The same for the height of a layer.
 double layer_um(double layer_mm, const Container& archive, const std::string& says);
 
+/// The height to which a machine builds, mm, as an archive says it, without the noise of its float; 0 where that is
+/// no height.
+double machine_height_of(double mm);
+/// What a new file says of it: what is known; where nothing is, or an archive says less than the part is high,
+/// `otherwise_mm` in whole mm.
+double new_machine_height_mm(const StackInfo& info, double otherwise_mm);
+
 /// Takes light-on times of all layers, s, unless the times of `info` say the same; fading layers
 /// after the bottom ones are recognised.
 void take_layer_times(std::vector<double> times_s, StackInfo& info);
@@ -65,6 +72,8 @@ void refuse_other_light(const ArchiveRequest& request, const std::string& entry)
 double last_layer_mm(const ArchiveRequest& request);
 /// Tells that a new file's mark is set that printers heed settings of single layers. `format`: "GOO".
 void tell_own_settings(const ArchiveRequest& request, std::string_view format);
+/// Tells what a head of one time for the first layers and one for all others leaves to the G-code below it.
+void tell_head_times(const ArchiveRequest& request, std::string_view format);
 /// Tells that times of single layers are in a file whose printers do not heed them, where they are others
 /// than those that count.
 void tell_unheeded_times(const std::vector<double>& times_s, const StackInfo& info,

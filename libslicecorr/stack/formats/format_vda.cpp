@@ -176,6 +176,7 @@ ArchiveContents read_vda(const Container& archive) {
       read_pitch(machines, "PixelYSize", "YWidth", grid.height_px, place, contents.warnings);
   grid.layer_um =
       layer_um(number_at(slices, "thickness", 0, 1e3, place).value_or(0), archive, place.entry);
+  contents.info.machine_height_mm = machine_height_of(machines.child("ZHeight").text().as_double());
   check_list(root, contents.images, place);
   for (const pugi::xml_node layer : root.child("Layers").children()) {
     if (const auto z_mm = number_at(layer, "zvalue", 0, 1e5, place)) contents.z_mm.push_back(*z_mm);
@@ -245,7 +246,7 @@ std::string new_manifest(const StackInfo& info) {
   add(machines, "Anti-Aliasing", "1");
   add(machines, "XLength", number_text(tidy(grid.width_px * grid.pixel_x_um / 1000)));
   add(machines, "YWidth", number_text(tidy(grid.height_px * grid.pixel_y_um / 1000)));
-  add(machines, "ZHeight", number_text(info.printer ? info.printer->travel_mm : 0));
+  add(machines, "ZHeight", number_text(info.machine_height_mm));
   pugi::xml_node layers = root.append_child("Layers");
   for (int n = 0; n < grid.layers; ++n) {
     pugi::xml_node layer = layers.append_child("VDALayer");

@@ -78,6 +78,9 @@ void read_machine(const Container& archive, const Node& machine, ArchiveContents
   info.orientation.mirror_x = flag_at(machine, "x_mirror");
   info.orientation.mirror_y = flag_at(machine, "y_mirror");
   info.profiles.printer = text_at(machine, "name");
+  if (machine.has("z_height") && machine["z_height"].json().is_number()) {
+    info.machine_height_mm = machine_height_of(machine["z_height"].json().get<double>());
+  }
 }
 
 void read_print(const Container& archive, const Node& print, StackInfo& info) {
@@ -160,7 +163,7 @@ void add_waits(Json& json, std::string_view prefix) {
 }
 
 Json print_json(const StackInfo& info) {
-  const ExposureSummary s = exposure_summary(info);
+  const ExposureSummary s = head_summary(info);
   Json print = {{"layer_thickness", mm_of_um(info.grid.layer_um)},
                 {"bottom_layers", s.bottom_layers},
                 {"transition_layer", s.fade_layers},
@@ -188,7 +191,7 @@ std::string new_manifest(const ArchiveRequest& r) {
                      {"type", "Default"},
                      {"lcd_width", mm_of_um(grid.width_px * grid.pixel_x_um)},
                      {"lcd_height", mm_of_um(grid.height_px * grid.pixel_y_um)},
-                     {"z_height", info.printer ? info.printer->travel_mm : 0},
+                     {"z_height", info.machine_height_mm},
                      {"resolution_x", grid.width_px},
                      {"resolution_y", grid.height_px},
                      {"x_mirror", info.orientation.mirror_x},
@@ -272,7 +275,7 @@ class Change {
   }
 
   void set_exposure() {
-    const ExposureSummary s = exposure_summary(r_.info);
+    const ExposureSummary s = head_summary(r_.info);
     Json& print = json_["print"];
     set(print, "exposure_time", s.normal_s);
     set(print, "bottom_exposure_time", s.bottom_s);

@@ -181,6 +181,10 @@ OrderedJson block_json(const StackInfo& info, const ImageChecksums& checksums) {
                    {"pixel_y_um", info.grid.pixel_y_um},
                    {"layer_um", info.grid.layer_um}};
   if (info.printer) block["printer"] = printer_json(*info.printer);
+  if (info.machine_height_mm > 0 &&
+      !(info.printer && info.printer->travel_mm == info.machine_height_mm)) {
+    block["machine_height_mm"] = info.machine_height_mm;
+  }
   if (info.resin) block["resin"] = resin_json(*info.resin);
   if (info.process) block["process"] = process_json(*info.process, format);
   if (info.for_display) {
@@ -218,7 +222,7 @@ std::string edge_image_name(int node) {
 }
 
 std::string write_uvj_config(const StackInfo& info, const ImageChecksums& checksums) {
-  const ExposureSummary s = exposure_summary(info);
+  const ExposureSummary s = head_summary(info);
   std::string text = "{\n\"Properties\": " +
                      dump(properties_json(info, s.normal_s, s.bottom_s, s.bottom_layers), 2);
   // One line per layer, joined as text: a tree of a million layers would fill the memory.
@@ -254,7 +258,7 @@ std::string change_uvj_config(const std::string& original, const StackInfo& info
   std::string_view text = original;
   if (text.starts_with("\xef\xbb\xbf")) text.remove_prefix(3);
   OrderedJson json = read_json<OrderedJson>(text, {"config.json", ""}, kManyLayers);
-  const ExposureSummary s = exposure_summary(info);
+  const ExposureSummary s = head_summary(info);
   OrderedJson& properties = json["Properties"];
   properties["Size"]["Layers"] = info.grid.layers;
   if (exposure_changes) {

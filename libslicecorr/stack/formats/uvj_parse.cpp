@@ -277,6 +277,9 @@ void read_block(const SortedNode& block, ArchiveContents& config) {
   // Whoever reads a corrected stack needs to know what it was corrected for.
   const bool needed = info.kind == StackKind::corrected || info.kind == StackKind::recorded;
   if (needed || block.has("printer")) info.printer = read_printer(block["printer"]);
+  if (block.has("machine_height_mm")) {
+    info.machine_height_mm = block["machine_height_mm"].positive(kLargest);
+  }
   if (info.printer && info.printer->flat_field) {
     config.flat_field_crc32 =
         static_cast<std::uint32_t>(block["printer"]["flat_field"]["crc32"].whole(0, 0xffffffff));

@@ -649,12 +649,14 @@ TEST_F(FarmQueue, ARecordOfVersion1IsBroughtUp) {
        {"DROP TABLE tomo_works", "DROP TABLE tomo_results", "DROP TABLE stack_times",
         "DROP TABLE stack_verdicts", "DROP TABLE scans", "DROP TABLE scan_nexts",
         "DROP INDEX jobs_in_state", "DROP INDEX jobs_of_user", "DROP INDEX jobs_queued_of_user",
-        "DROP TRIGGER jobs_labelled", "DROP TABLE job_labels", "PRAGMA user_version = 1"}) {
+        "DROP TRIGGER jobs_labelled", "DROP TABLE job_labels", "DROP TRIGGER jobs_worded",
+        "DROP TABLE job_letters", "DROP TABLE job_words", "DROP INDEX jobs_texts",
+        "PRAGMA user_version = 1"}) {
     ASSERT_EQ(raw(sql), "");
   }
   // By whoever comes first, if only to read.
   EXPECT_EQ(ReadModel(path(), clock).jobs({}).at(0).name, "part");
-  EXPECT_THAT(rows("PRAGMA user_version"), ElementsAre("6"));
+  EXPECT_THAT(rows("PRAGMA user_version"), ElementsAre("7"));
   Queue q = open();
   NewJob tomo = job_with_key("t");
   tomo.work.voxel_angle_steps = 4'000'000;

@@ -158,6 +158,7 @@ void Database::migrate() {
   if (version < 4) execute(kSchemaOfVerdicts);
   if (version < 5) execute(kSchemaOfScans);
   if (version < 6) execute(kSchemaOfLongQueues);
+  if (version < 7) execute(kSchemaOfWords);
   execute(fmt::format("PRAGMA application_id = {}", kApplicationId).c_str());
   execute(fmt::format("PRAGMA user_version = {}", kSchemaVersion).c_str());
   transaction.commit();

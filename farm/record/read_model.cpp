@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "record/rows.hpp"
+#include "record/words.hpp"
 #include "values/process_mark.hpp"
 
 namespace slicecorr::farm {
@@ -27,9 +28,10 @@ constexpr int kRecentJobs = 50;
 struct Condition {
   std::string sql;
   std::vector<std::string> values;  ///< as text; SQLite's affinity makes numbers of them
+  bool few = false;                 ///< it names the few jobs that may fit
 };
 
-Condition condition_of(const JobFilter& f) {
+Condition condition_of(Database& db, const JobFilter& f) {
   Condition c;
   const auto add = [&](const std::string& sql, const std::string& value) {
     c.values.push_back(value);
@@ -51,7 +53,13 @@ Condition condition_of(const JobFilter& f) {
   }
   if (!f.user.empty()) add("j.user = @", f.user);
   if (!f.label.empty()) add("j.id IN (SELECT job FROM job_labels WHERE label = @)", f.label);
-  if (!f.text.empty()) add("(instr(j.name, @) > 0 OR instr(j.parts, @) > 0)", f.text);
+  if (!f.text.empty()) {
+    if (const auto few = detail::few_with(db, f.text)) {
+      add("j.id IN (" + few->sql + ")", few->value);
+      c.few = true;
+    }
+    add("(instr(j.name, @) > 0 OR instr(j.parts, @) > 0)", f.text);
+  }
   if (f.batch > 0) add("j.batch = CAST(@ AS INTEGER)", std::to_string(f.batch));
   if (f.ended_since_ms > 0) {
     add("j.ended_ms >= CAST(@ AS INTEGER)", std::to_string(f.ended_since_ms));
@@ -171,13 +179,17 @@ std::int64_t ReadModel::data_version() {
 }
 
 std::vector<Job> ReadModel::jobs(const JobFilter& filter) {
-  Condition c = condition_of(filter);
-  std::string from = "FROM jobs j ";
+  const Condition c = condition_of(*db_, filter);
+  // Without another index few jobs are found by their numbers.
+  std::string from = c.few ? "FROM jobs j NOT INDEXED " : "FROM jobs j ";
   if (filter.order == JobFilter::Order::worst_height) {
     // From the results in the order of their index; other jobs have no height error.
-    from = "FROM results r CROSS JOIN jobs j ON j.key = r.key AND j.state = 'done' ";
+    from =
+        c.few
+            ? "FROM jobs j NOT INDEXED CROSS JOIN results r ON r.key = j.key AND j.state = 'done' "
+            : "FROM results r CROSS JOIN jobs j ON j.key = r.key AND j.state = 'done' ";
   }
-  if (filter.order == JobFilter::Order::urgency && filter.states.size() == 1 &&
+  if (!c.few && filter.order == JobFilter::Order::urgency && filter.states.size() == 1 &&
       filter.states[0] == JobState::queued) {
     from = filter.user.empty() ? "FROM jobs j INDEXED BY jobs_queued "
                                : "FROM jobs j INDEXED BY jobs_queued_of_user ";
@@ -216,14 +228,19 @@ std::vector<Job> ReadModel::jobs(const JobFilter& filter) {
 }
 
 std::int64_t ReadModel::count(const JobFilter& filter) {
-  const Condition c = condition_of(filter);
-  // Triggers keep counts of states and users.
-  const bool kept = filter.label.empty() && filter.text.empty() && filter.batch == 0 &&
-                    filter.ended_since_ms == 0 && !filter.with_message;
-  Rows rows = db_->query_list(
-      (kept ? "SELECT coalesce(sum(j.jobs), 0) FROM counts j " : "SELECT count(*) FROM jobs j ") +
-          c.sql,
-      c.values);
+  const Condition c = condition_of(*db_, filter);
+  const bool plain = filter.label.empty() && filter.batch == 0 && filter.ended_since_ms == 0 &&
+                     !filter.with_message;
+  std::string from = "SELECT count(*) FROM jobs j ";
+  if (plain && filter.text.empty()) {
+    // Triggers keep counts of states and users.
+    from = "SELECT coalesce(sum(j.jobs), 0) FROM counts j ";
+  } else if (c.few) {
+    from += "NOT INDEXED ";
+  } else if (plain) {
+    from += "INDEXED BY jobs_texts ";
+  }
+  Rows rows = db_->query_list(from + c.sql, c.values);
   return rows.next() ? rows.integer(0) : 0;
 }
 

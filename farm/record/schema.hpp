@@ -8,7 +8,7 @@
 namespace slicecorr::farm::detail {
 
 /// PRAGMA user_version. A database with a higher number is refused; a lower one is brought up.
-inline constexpr int kSchemaVersion = 6;
+inline constexpr int kSchemaVersion = 7;
 
 /// PRAGMA kApplicationId, "SCFM": not every SQLite file is a farm.
 inline constexpr int kApplicationId = 0x5343464d;
@@ -223,6 +223,25 @@ INSERT OR IGNORE INTO job_labels SELECT e.value, j.id FROM jobs j, json_each(j.l
 CREATE TRIGGER jobs_labelled AFTER INSERT ON jobs WHEN new.labels <> '[]' BEGIN
   INSERT OR IGNORE INTO job_labels SELECT value, new.id FROM json_each(new.labels);
 END;
+)sql";
+
+/// What version 7 has besides: words are found in names and inputs, which never change, without looking at all jobs.
+inline constexpr const char* kSchemaOfWords = R"sql(
+-- Which jobs have which three letters one after the other in their name or inputs. The ends of lines at the end make
+-- each letter the first of three. (On one line: docs/farm-backup.md leaves lines out of a dump.)
+CREATE VIRTUAL TABLE job_words USING fts5(text, content = '', columnsize = 0, detail = none, tokenize = 'trigram case_sensitive 1');
+-- Each three letters (term) with each job (doc) that has them.
+CREATE VIRTUAL TABLE job_letters USING fts5vocab(job_words, instance);
+-- Less is put together anew at each submission than by default.
+INSERT INTO job_words(job_words, rank) VALUES('automerge', 8);
+INSERT INTO job_words(rowid, text)
+  SELECT id, name || char(10) || parts || char(10, 10) FROM jobs;
+INSERT INTO job_words(job_words) VALUES('optimize');
+CREATE TRIGGER jobs_worded AFTER INSERT ON jobs BEGIN
+  INSERT INTO job_words(rowid, text) VALUES(new.id, new.name || char(10) || new.parts || char(10, 10));
+END;
+-- For words that so many jobs have that all are looked at.
+CREATE INDEX jobs_texts ON jobs(state, user, name, parts);
 )sql";
 
 }  // namespace slicecorr::farm::detail

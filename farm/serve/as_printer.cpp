@@ -75,7 +75,7 @@ struct PrinterServer::Parts {
         login(options.key),
         room(farm, machine, options.times),
         // A slicer, a browser or two: not the farm's own crowd.
-        server({4, 16, 16 << 10, 10, 10, 16384}) {}
+        server({.threads = 4, .most_slow = 8, .most_waiting = 32}) {}
 
   std::string version_text() const {
     // Slicers look at how it begins: each kind of print host at its own word.
@@ -213,7 +213,7 @@ Form PrinterServer::Parts::read_form(const httplib::ContentReader& body) {
         return true;
       });
   if (!trouble.empty()) throw ApiError(400, "form", trouble);
-  if (!whole) throw ApiError(400, "body", "the body is shorter than announced, or came too slowly");
+  if (!whole) http::GuardedStream::fail_body();
   return form;
 }
 

@@ -13,6 +13,7 @@
 #include "slicecorr/error.hpp"
 #include "slicecorr/farm/queue.hpp"
 #include "slicecorr/farm/status.hpp"
+#include "support/http/guarded_server.hpp"
 #include "support/json/read_json.hpp"
 
 namespace slicecorr::farm::detail {
@@ -72,7 +73,7 @@ std::string Api::whole_body(const httplib::Request& request,
     return static_cast<std::int64_t>(text.size()) <= bytes;
   });
   if (!whole || static_cast<std::int64_t>(text.size()) != bytes) {
-    throw ApiError(400, "body", "the body is shorter than announced, or came too slowly");
+    http::GuardedStream::fail_body();
   }
   return text;
 }
@@ -141,7 +142,7 @@ void Api::upload(const std::string& name, const httplib::Request& request,
     return true;
   });
   if (!whole || part.bytes() != bytes) {
-    throw ApiError(400, "body", "the body is shorter than announced, or came too slowly");
+    http::GuardedStream::fail_body();
   }
   send_json(response, 201, {{"part", part.keep()}, {"bytes", bytes}});
 }

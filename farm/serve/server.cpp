@@ -25,7 +25,8 @@ http::GuardRules rules_of(const ServeOptions& o) {
 }
 
 http::ConnectionLimits limits_of(const ServeOptions& o) {
-  return {o.threads, o.most_waiting, o.header_bytes, o.request_s, o.stall_s, o.least_bytes_s};
+  return {o.threads,   o.most_slow, o.most_waiting, o.header_bytes,
+          o.request_s, o.stall_s,   o.least_bytes_s};
 }
 
 }  // namespace

@@ -22,7 +22,10 @@ namespace {
 
 http::ConnectionLimits limits() {
   http::ConnectionLimits limits;
-  limits.threads = 4;  // the computer prints
+  // The computer prints.
+  limits.threads = 4;
+  limits.most_slow = 12;
+  limits.most_waiting = 64;
   return limits;
 }
 

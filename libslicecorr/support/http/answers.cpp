@@ -81,6 +81,11 @@ std::string Kept::get(const std::function<std::string()>& make) {
   return text_;
 }
 
+void Kept::forget() {
+  const std::scoped_lock lock(mutex_);
+  any_ = false;
+}
+
 void finish(httplib::Response& response) {
   const auto otherwise = [&](const char* name, const char* value) {
     if (!response.has_header(name)) response.set_header(name, value);

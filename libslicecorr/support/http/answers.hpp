@@ -45,6 +45,8 @@ class Kept {
  public:
   explicit Kept(double seconds) : seconds_(seconds) {}
   std::string get(const std::function<std::string()>& make);
+  /// What was made is out of date.
+  void forget();
 
  private:
   double seconds_;

@@ -20,39 +20,50 @@
 
 #include "slicecorr/error.hpp"
 #include "support/http/answers.hpp"
-#include "support/process/threads.hpp"
+#include "support/http/guard.hpp"
 
 namespace slicecorr::http {
 
 namespace {
 
 thread_local GuardedStream* stream_here = nullptr;
-thread_local bool turned_away_here = false;
 
 constexpr std::size_t kBufferBytes = 16 << 10;
 /// Connections that the system keeps until they are accepted. Who is accepted is answered, or told to come again.
 constexpr int kMostToAccept = 1024;
-/// Files that a server opens for itself, and at most for each request: its record and what it sends.
-constexpr rlim_t kOwnFiles = 24, kFilesOfRequest = 6;
+/// Files that a server opens for itself, and at most for each request: its record and what it sends. A client that is waited
+/// for has its connection and the file that it sends or gets.
+constexpr rlim_t kOwnFiles = 24, kFilesOfRequest = 6, kFilesOfSlow = 2;
+/// For those that wait, whether for a thread or with one: with fewer nobody would be served well.
+constexpr rlim_t kLeastBeside = 64;
+/// What is larger is not sent or taken among those that work; and so long a thread that works waits for its client in all.
+constexpr std::int64_t kQuickBytes = 256 << 10;
+constexpr auto kQuickWait = std::chrono::milliseconds(200);
 
-/// A server that may open no file more can't even accept who comes, and would let them wait without a word.
-void check_most_files(const ConnectionLimits& limits) {
+/// The connections for which there are files. Throws `DeviceError` where they are too few: a server that may open no file more
+/// can't even accept who comes, and would let them wait without a word.
+ConnectionLimits within_most_files(ConnectionLimits limits) {
   rlimit most{};
-  if (::getrlimit(RLIMIT_NOFILE, &most) != 0) return;
-  const auto wanted = kOwnFiles + kFilesOfRequest * static_cast<rlim_t>(limits.threads) +
-                      static_cast<rlim_t>(limits.most_waiting);
-  if (most.rlim_cur < wanted) {
-    most.rlim_cur = std::min(wanted, most.rlim_max);
+  if (::getrlimit(RLIMIT_NOFILE, &most) != 0) return limits;
+  const auto files = [](int count) { return static_cast<rlim_t>(count); };
+  const rlim_t work = kOwnFiles + kFilesOfRequest * files(limits.threads);
+  const rlim_t beside = kFilesOfSlow * files(limits.most_slow) + files(limits.most_waiting) +
+                        files(limits.most_leaving);
+  if (most.rlim_cur < work + beside) {
+    most.rlim_cur = std::min(work + beside, most.rlim_max);
     ::setrlimit(RLIMIT_NOFILE, &most);
   }
-  if (most.rlim_cur >= wanted) return;
-  throw DeviceError(fmt::format("to serve, {} files at a time are wanted, and {} are allowed: {}",
-                                wanted, most.rlim_cur, std::strerror(EMFILE)));
-}
-
-std::chrono::steady_clock::duration seconds(double s) {
-  return std::chrono::duration_cast<std::chrono::steady_clock::duration>(
-      std::chrono::duration<double>(s));
+  if (most.rlim_cur >= work + beside) return limits;
+  const rlim_t least = work + std::min(kLeastBeside, beside);
+  if (most.rlim_cur < least) {
+    throw DeviceError(fmt::format("to serve, {} files at a time are wanted, and {} are allowed: {}",
+                                  least, most.rlim_cur, std::strerror(EMFILE)));
+  }
+  const double share = static_cast<double>(most.rlim_cur - work) / static_cast<double>(beside);
+  for (int* count : {&limits.most_slow, &limits.most_waiting, &limits.most_leaving}) {
+    *count = static_cast<int>(share * *count);
+  }
+  return limits;
 }
 
 void address_of(const sockaddr_storage& address, std::string& ip, int& port) {
@@ -82,39 +93,25 @@ bool asks_for_a_part(std::string_view line) {
   return false;
 }
 
-/// An answer that was written may be lost when the client still sends: the system resets the
-/// connection. So what comes is thrown away for a moment first.
-void close_gently(int socket, int stop_fd) {
-  ::shutdown(socket, SHUT_WR);
-  const auto until = std::chrono::steady_clock::now() + std::chrono::seconds(1);
-  std::size_t most = 1 << 20;
-  char nowhere[4096];
-  for (;;) {
-    const auto left = std::chrono::duration_cast<std::chrono::milliseconds>(
-        until - std::chrono::steady_clock::now());
-    pollfd fds[2] = {{socket, POLLIN, 0}, {stop_fd, POLLIN, 0}};
-    if (left.count() <= 0 || ::poll(fds, 2, static_cast<int>(left.count())) <= 0) break;
-    if (fds[1].revents != 0) break;
-    const ssize_t n = ::recv(socket, nowhere, sizeof nowhere, MSG_DONTWAIT);
-    if (n <= 0 || static_cast<std::size_t>(n) > most) break;
-    most -= static_cast<std::size_t>(n);
-  }
-  ::close(socket);
-}
-
 }  // namespace
 
 // --- stream -------------------------------------------------------------------------------------
 
-GuardedStream::GuardedStream(int socket, int stop_fd, const ConnectionLimits& limits)
-    : socket_(socket),
+GuardedStream::GuardedStream(const Connection& connection, ConnectionPool::Place& place,
+                             int stop_fd, const ConnectionLimits& limits)
+    : place_(place),
+      socket_(connection.socket),
       stop_fd_(stop_fd),
       limits_(limits),
-      left_(limits.header_bytes),
-      read_until_(Steady::now() + seconds(limits.request_s)),
-      buffer_(kBufferBytes) {
+      left_(limits.header_bytes - static_cast<std::int64_t>(connection.bytes.size())),
+      read_until_(std::min(connection.until, connection.stalls_at)),
+      buffer_(std::max(kBufferBytes, connection.bytes.size())),
+      end_(connection.bytes.size()) {
+  std::copy(connection.bytes.begin(), connection.bytes.end(), buffer_.begin());
   stream_here = this;
 }
+
+GuardedStream::~GuardedStream() { stream_here = nullptr; }
 
 GuardedStream* GuardedStream::current() { return stream_here; }
 
@@ -123,20 +120,49 @@ void GuardedStream::allow_body(std::int64_t bytes) {
   if (body_allowed_) return;
   body_allowed_ = true;
   left_ += bytes;
+  body_left_ = bytes;
   read_until_ = Steady::now() +
                 seconds(limits_.request_s + static_cast<double>(bytes) / limits_.least_bytes_s);
 }
 
+void GuardedStream::fail_body() {
+  if (stream_here && (stream_here->crowded_ || stream_here->place_.ended())) {
+    throw ApiError(503, "busy", "too many requests are on their way here; try again soon");
+  }
+  throw ApiError(400, "body", "the body is shorter than announced, or came too slowly");
+}
+
+/// Waits among those that work for a moment only.
 bool GuardedStream::wait(short events, Steady::time_point until) const {
+  if (Steady::now() >= until) return false;
+  if (poll_until(events, {})) return true;
+  if (!place_.slow()) {
+    const auto begin = Steady::now();
+    const bool good = poll_until(events, std::min(until, begin + kQuickWait - waited_));
+    const auto now = Steady::now();
+    waited_ += now - begin;
+    if (good || now >= until || waited_ < kQuickWait) return good;
+    if (!place_.slow_down()) {
+      crowded_ = true;
+      return false;
+    }
+  }
+  place_.begin_wait(events == POLLOUT);
+  const bool good = poll_until(events, until);
+  place_.end_wait();
+  return good && !place_.ended();
+}
+
+bool GuardedStream::poll_until(short events, Steady::time_point until) const {
   for (;;) {
-    const auto left =
-        std::chrono::duration_cast<std::chrono::milliseconds>(until - Steady::now()).count();
-    if (left <= 0) return false;
+    const auto left = std::max<std::int64_t>(
+        0, std::chrono::ceil<std::chrono::milliseconds>(until - Steady::now()).count());
     pollfd fds[2] = {{socket_, events, 0}, {stop_fd_, POLLIN, 0}};
-    const int ready = ::poll(fds, 2, static_cast<int>(std::min<long long>(left, 60'000)));
+    const int ready = ::poll(fds, 2, static_cast<int>(std::min<std::int64_t>(left, 60'000)));
     if (ready < 0 && errno != EINTR) return false;
     if (fds[1].revents != 0) return false;
     if (fds[0].revents != 0) return true;
+    if (left == 0) return false;
   }
 }
 
@@ -189,6 +215,10 @@ ssize_t GuardedStream::read_line() {
 ssize_t GuardedStream::read_bytes(char* data, std::size_t size) {
   // The server reads headers byte by byte.
   if (begin_ == end_) {
+    if (body_left_ > kQuickBytes && !place_.slow_down()) {
+      crowded_ = true;
+      return -1;
+    }
     const auto most = static_cast<std::size_t>(
         std::clamp<std::int64_t>(left_, 0, static_cast<std::int64_t>(buffer_.size())));
     if (most == 0) return -1;
@@ -206,11 +236,17 @@ ssize_t GuardedStream::read_bytes(char* data, std::size_t size) {
   const std::size_t n = std::min(size, end_ - begin_);
   std::memcpy(data, buffer_.data() + begin_, n);
   begin_ += n;
+  if (body_left_ > 0) {
+    body_left_ -= static_cast<std::int64_t>(n);
+    if (body_left_ <= 0) place_.work_again();
+  }
   return static_cast<ssize_t>(n);
 }
 
 ssize_t GuardedStream::write(const char* data, std::size_t size) {
   if (written_ == 0) write_since_ = Steady::now();
+  // Where there is no room for it, it goes on here as long as its client takes it quickly.
+  if (written_ > static_cast<double>(kQuickBytes)) static_cast<void>(place_.slow_down());
   for (;;) {
     const auto pace_until = write_since_ + seconds(limits_.request_s + limits_.stall_s +
                                                    written_ / limits_.least_bytes_s);
@@ -238,53 +274,6 @@ void GuardedStream::get_local_ip_and_port(std::string& ip, int& port) const {
   }
 }
 
-// --- pool ---------------------------------------------------------------------------------------
-
-BoundedPool::BoundedPool(const ConnectionLimits& limits, std::function<void()> idle)
-    : most_waiting_(static_cast<std::size_t>(limits.most_waiting)), idle_(std::move(idle)) {
-  threads_ = slicecorr::detail::start_threads(limits.threads, [this] { work(); });
-}
-
-bool BoundedPool::turning_away() { return turned_away_here; }
-
-void BoundedPool::enqueue(std::function<void()> connection) {
-  {
-    const std::scoped_lock lock(mutex_);
-    if (waiting_.size() < most_waiting_ && !ended_) {
-      waiting_.push_back(std::move(connection));
-      changed_.notify_one();
-      return;
-    }
-  }
-  turned_away_here = true;
-  connection();
-  turned_away_here = false;
-}
-
-void BoundedPool::work() {
-  for (;;) {
-    std::function<void()> connection;
-    {
-      std::unique_lock lock(mutex_);
-      changed_.wait(lock, [this] { return ended_ || !waiting_.empty(); });
-      if (waiting_.empty()) return;
-      connection = std::move(waiting_.front());
-      waiting_.pop_front();
-      turned_away_here = ended_;
-    }
-    connection();
-  }
-}
-
-void BoundedPool::shutdown() {
-  {
-    const std::scoped_lock lock(mutex_);
-    ended_ = true;
-  }
-  changed_.notify_all();
-  for (std::thread& t : threads_) t.join();
-}
-
 // --- server -------------------------------------------------------------------------------------
 
 GuardedServer::GuardedServer(const ConnectionLimits& limits)
@@ -292,9 +281,15 @@ GuardedServer::GuardedServer(const ConnectionLimits& limits)
   if (stop_fd_ < 0) throw DeviceError("the system gives no event counter");
   new_task_queue = [this] {
     // httplib's stop() does nothing before it listens: a signal that came early counts then.
-    return new BoundedPool(limits_, [this] {
-      if (stopping_) stop();
-    });
+    pool_ = new ConnectionPool(
+        limits_, stop_fd_,
+        [this](const Connection& connection, ConnectionPool::Place& place) {
+          serve(connection, place);
+        },
+        [this] {
+          if (stopping_) stop();
+        });
+    return pool_;
   };
   set_idle_interval(0, 300'000);
 }
@@ -302,7 +297,7 @@ GuardedServer::GuardedServer(const ConnectionLimits& limits)
 GuardedServer::~GuardedServer() { ::close(stop_fd_); }
 
 int GuardedServer::bind(const std::string& host, int port) {
-  check_most_files(limits_);
+  limits_ = within_most_files(limits_);
   set_tcp_nodelay(true);
   // Not SO_REUSEPORT, which httplib sets: a second server would get half of the connections.
   set_socket_options([](socket_t socket) {
@@ -338,28 +333,16 @@ void GuardedServer::stop_now() {
   stop();
 }
 
+/// Called by who listens, for each connection that was accepted.
 bool GuardedServer::process_and_close_socket(socket_t socket) {
-  if (BoundedPool::turning_away()) {
-    static constexpr std::string_view busy =
-        "HTTP/1.1 503 Service Unavailable\r\nConnection: close\r\nRetry-After: 2\r\n"
-        "Content-Length: 0\r\n\r\n";
-    [[maybe_unused]] const ssize_t n =
-        ::send(socket, busy.data(), busy.size(), MSG_DONTWAIT | MSG_NOSIGNAL);
-    ::close(socket);
-    return false;
-  }
-  bool closed = false, good = false;
-  {
-    GuardedStream stream(socket, stop_fd_, limits_);
-    good = process_request(stream, true, closed, nullptr);
-    stream_here = nullptr;
-  }
-  if (stopping_) {
-    ::close(socket);
-  } else {
-    close_gently(socket, stop_fd_);
-  }
-  return good;
+  pool_->take(socket);
+  return true;
+}
+
+void GuardedServer::serve(const Connection& connection, ConnectionPool::Place& place) {
+  bool closed = false;
+  GuardedStream stream(connection, place, stop_fd_, limits_);
+  process_request(stream, true, closed, nullptr);
 }
 
 std::string address_text(const std::string& host, int port) {

@@ -3,34 +3,30 @@
 
 /// @file guarded_server.hpp
 /// cpp-httplib's server behind limits that it does not have itself: on the bytes and the time of a
-/// request, on connections, and on how long a stop may take. One request per connection.
+/// request, on connections (`connection_pool.hpp`), and on how long a stop may take. One request per connection.
 #pragma once
 
 #include <httplib.h>
 
 #include <atomic>
 #include <chrono>
-#include <condition_variable>
 #include <cstdint>
-#include <deque>
-#include <functional>
-#include <mutex>
 #include <string>
-#include <thread>
 #include <vector>
 
-namespace slicecorr::http {
+#include "support/http/connection_pool.hpp"
 
-struct ConnectionLimits {
-  int threads = 16, most_waiting = 64, header_bytes = 16 << 10;
-  double request_s = 10, stall_s = 10, least_bytes_s = 16384;
-};
+namespace slicecorr::http {
 
 /// A connection that counts bytes and time. It leaves out the headers of a request that ask for a
 /// part of an answer (Range, If-Range): every answer is whole, whatever they say.
 class GuardedStream : public httplib::Stream {
  public:
-  GuardedStream(int socket, int stop_fd, const ConnectionLimits& limits);
+  GuardedStream(const Connection& connection, ConnectionPool::Place& place, int stop_fd,
+                const ConnectionLimits& limits);
+  ~GuardedStream() override;
+  GuardedStream(const GuardedStream&) = delete;
+  GuardedStream& operator=(const GuardedStream&) = delete;
   /// From here on so many bytes of body may come.
   void allow_body(std::int64_t bytes);
 
@@ -44,17 +40,24 @@ class GuardedStream : public httplib::Stream {
 
   /// The one that this thread works on.
   static GuardedStream* current();
+  /// Throws `ApiError`, which says why the body of the request that this thread works on did not come whole.
+  [[noreturn]] static void fail_body();
 
  private:
   using Steady = std::chrono::steady_clock;
   bool wait(short events, Steady::time_point until) const;
+  bool poll_until(short events, Steady::time_point until) const;
   bool bytes_come() const;
   ssize_t read_bytes(char* data, std::size_t size);
   ssize_t read_line();
 
+  ConnectionPool::Place& place_;
   int socket_, stop_fd_;
   ConnectionLimits limits_;
-  std::int64_t left_;  ///< bytes that may still come
+  std::int64_t left_;           ///< bytes that may still come
+  std::int64_t body_left_ = 0;  ///< of them, of the body that was announced
+  mutable bool crowded_ = false;
+  mutable Steady::duration waited_{};
   bool body_allowed_ = false;
   Steady::time_point read_until_, write_since_{};
   double written_ = 0;
@@ -63,29 +66,6 @@ class GuardedStream : public httplib::Stream {
   bool in_head_ = true;  ///< up to the empty line that ends the headers
   std::string line_;     ///< of the head, read and not taken yet from `line_at_` on
   std::size_t line_at_ = 0;
-};
-
-/// Threads for connections; those beyond the limit are turned away at once.
-class BoundedPool : public httplib::TaskQueue {
- public:
-  /// `idle` is called by who listens, whenever nobody has come for a while.
-  BoundedPool(const ConnectionLimits& limits, std::function<void()> idle);
-  void on_idle() override { idle_(); }
-  void enqueue(std::function<void()> connection) override;
-  void shutdown() override;
-  /// Whether the connection that this thread works on is to be turned away.
-  static bool turning_away();
-
- private:
-  void work();
-
-  std::size_t most_waiting_;
-  std::function<void()> idle_;
-  std::mutex mutex_;
-  std::condition_variable changed_;
-  std::deque<std::function<void()>> waiting_;
-  bool ended_ = false;
-  std::vector<std::thread> threads_;
 };
 
 class GuardedServer : public httplib::Server {
@@ -102,9 +82,11 @@ class GuardedServer : public httplib::Server {
 
  private:
   bool process_and_close_socket(socket_t socket) override;
+  void serve(const Connection& connection, ConnectionPool::Place& place);
 
   ConnectionLimits limits_;
   int stop_fd_ = -1;
+  ConnectionPool* pool_ = nullptr;  ///< as long as it listens
   std::atomic<bool> stopping_{false};
 };
 

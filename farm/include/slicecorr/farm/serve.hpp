@@ -80,8 +80,14 @@ struct ServeOptions {
   std::int64_t most_upload_bytes = 512 << 20;               ///< of one part
   std::int64_t most_uploads_bytes = std::int64_t{8} << 30;  ///< of all parts that were uploaded
   double uploads_kept_s = 24 * 3600;  ///< parts that no submission has taken by then go
-  int threads = 16;                   ///< that serve requests, >= 1
-  int most_waiting = 64;         ///< connections that wait for a thread; more are turned away (503)
+  int threads =
+      16;  ///< that work on requests, >= 1; one address has three quarters of them at most
+  /// Threads beside them that wait for clients whose upload or answer is on the way, >= 0; one address has half of
+  /// them at most. Beyond that who has moved no byte for a second is cut off for others, or else they are (503).
+  int most_slow = 48;
+  /// Connections whose request has not come whole, or waits for a thread, >= 1. Beyond that some are turned away (503): of
+  /// the address that has most.
+  int most_waiting = 256;
   int header_bytes = 16 << 10;   ///< of a request's headers, at most
   double request_s = 10;         ///< for the request line and headers to come
   double stall_s = 10;           ///< without a byte in either direction

@@ -46,16 +46,16 @@ TEST(Bodies, HangByWhatTheyShareWithTheSliceBefore) {
   EXPECT_EQ(find_bodies(lamp, {}, {true, 0.02}).necks_in_all, 0U);
   EXPECT_EQ(find_bodies(lamp).necks_in_all, 0U);
 
-  // By more than the widest slice has, 1 mm², nothing can hang: that is no print without necks.
-  EXPECT_FALSE(find_bodies(lamp, {}, {true, 1.0}).none_so_wide());
-  const Bodies wide = find_bodies(lamp, {}, {true, 1.01});
-  EXPECT_TRUE(wide.none_so_wide() && wide.any_loose());
+  // By more than the widest slice has, 2.25 mm², nothing can hang: that is no print without necks.
+  EXPECT_FALSE(find_bodies(lamp, {}, {true, 2.25}).none_so_wide());
+  const Bodies wide = find_bodies(lamp, {}, {true, 2.26});
+  ASSERT_TRUE(wide.none_so_wide() && wide.any_loose());
   EXPECT_EQ(wide.necks_in_all, 0U);
   EXPECT_THAT(
       bodies_in_words(wide).front(),
       HasSubstr(
-          "no body is as wide as the 1.01 mm² by which each is to hang: the widest has 1 mm²"));
-  EXPECT_NEAR(nlohmann::json::parse(wide.to_json())["widest_mm2"].get<double>(), 1, 1e-12);
+          "no body is as wide as the 2.26 mm² by which each is to hang: the widest has 2.25 mm²"));
+  EXPECT_NEAR(nlohmann::json::parse(wide.to_json())["widest_mm2"].get<double>(), 2.25, 1e-12);
   EXPECT_FALSE(find_bodies(lamp).none_so_wide());
 
   // On two stems it hangs by both.

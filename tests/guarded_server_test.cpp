@@ -172,6 +172,11 @@ class Client {
     }
     return std::stoi(text.substr(9));
   }
+  /// Whether something of an answer comes, which stays to be read.
+  bool hears(int wait_ms = 30'000) const {
+    pollfd fd{socket_, POLLIN, 0};
+    return ::poll(&fd, 1, wait_ms) == 1;
+  }
   /// How many bytes more come until the connection ends.
   std::size_t rest() const {
     std::size_t bytes = 0;
@@ -345,6 +350,7 @@ TEST(GuardedServerTest, ToldToComeAgainArrivesWhateverIsSentOn) {
   std::this_thread::sleep_for(std::chrono::milliseconds(100));
   const Client next(served.port);
   next.send("GET /qu");
+  ASSERT_TRUE(half.hears());
   // Bytes that nobody reads would have the system reset the connection, and the answer lost.
   for (int i = 0; i < 50; ++i) half.send(std::string(1000, 'x'));
   EXPECT_EQ(half.status(), 503);

@@ -82,7 +82,7 @@ TEST(ThresholdFit, AsAUserCallsIt) {
   EXPECT_NEAR(j["resin"]["inhibition_resupply_mj_cm3_s"].get<double>(), 0.11, 1e-6);
   EXPECT_NEAR(j["resin"]["gel_dose_mj_cm3"].get<double>(), 0.55 * 24, 1e-4);
   // What reading the times told is told on.
-  const std::string rows = "0.4,120\n0.8,40\n1.2,24\n1.6,17.142857\n";
+  const std::string rows = "0.4,120,red\n0.8,40,red\n1.2,24,red\n1.6,17.142857,red\n";
   test::write_file(folder / "times.csv",
                    test::to_bytes("intensity_mw_cm2,time_s,colour\n" + rows + rows));
   const test::RunResult twice = fit({"gel-time", "--threshold"});

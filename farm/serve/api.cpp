@@ -306,16 +306,11 @@ void Api::read_farm(const std::string& what, const Asker& asker, Query& query,
     return send_json(response, 200, {{"name", asker.name}, {"role", name_of(asker.role)}});
   }
   if (what == "printers") {
-    return send(response, 200, printers_.get([&] {
-      return ask_program({"resinctl", "list", "--printers", "--json", "-"});
-    }),
+    return send(response, 200, ask_program({"resinctl", "list", "--printers", "--json", "-"}),
                 kJsonType);
   }
   if (what == "resins") {
-    return send(response, 200, resins_.get([&] {
-      return ask_program({"resinctl", "list", "--json", "-"});
-    }),
-                kJsonType);
+    return send(response, 200, ask_program({"resinctl", "list", "--json", "-"}), kJsonType);
   }
   if (what == "machines") return send_json(response, 200, machines_.list());
   if (what == "bridges") return send_json(response, 200, {{"bridges", bridges_.list()}});

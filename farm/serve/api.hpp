@@ -150,8 +150,7 @@ class Api {
   std::mutex readers_mutex_, submit_mutex_;
   std::set<std::string> submitting_;  ///< who submits now
   std::vector<std::unique_ptr<ReadModel>> readers_;
-  Kept overview_{1}, metrics_{1}, report_{5}, report_json_{5}, timeline_{5}, resins_{1},
-      printers_{1};
+  Kept overview_{1}, metrics_{1}, report_{5}, report_json_{5}, timeline_{5};
 };
 
 /// Sends a file as it is now; `download`: the name under which it is to be kept, empty: it is shown.

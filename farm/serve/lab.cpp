@@ -149,7 +149,6 @@ void Api::add_resin(const std::string& text, const std::string& by, httplib::Res
                                      "fitted in a browser, by " + by};
   if (flag_of(json, "replace")) arguments.emplace_back("--replace");
   ask_program(std::move(arguments));
-  resins_.forget();
   send_json(response, 201, {{"resin", name}});
 }
 
@@ -180,7 +179,6 @@ void Api::add_printer(const std::string& text, httplib::Response& response) {
   std::vector<std::string> arguments{"resinctl", "new-printer"};
   if (flag_of(json, "replace")) arguments.emplace_back("--replace");
   ask_program(std::move(arguments), answers);
-  printers_.forget();
   send_json(response, 201, {{"printer", printer}});
 }
 

@@ -260,9 +260,9 @@ void ConnectionPool::read_at_door() {
     [[maybe_unused]] const ssize_t n = ::read(wake_fd_, &times, sizeof times);
   }
   if (fds[1].revents != 0) {
-    // The server stops: nothing is read any more, and the end of it all comes by `wake_fd_`.
+    // The server stops: nothing is read any more, and the end of it all comes by `wake_fd_`, unless it just did.
     pollfd wake{wake_fd_, POLLIN, 0};
-    ::poll(&wake, 1, -1);
+    if (fds[0].revents == 0) ::poll(&wake, 1, -1);
     return;
   }
   std::size_t i = 2;

@@ -8,10 +8,12 @@
 
 #include <gtest/gtest.h>
 
+#include <chrono>
 #include <fstream>
 #include <set>
 #include <sstream>
 #include <string>
+#include <thread>
 
 #include "devtools.hpp"
 
@@ -187,13 +189,26 @@ class Hand {
   void tap(const std::string& selector) {
     in_reach(selector);
     page_.eval("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))");
-    const Json at = page_.eval(
-        "(() => { const b = " + of(selector) +
-        ".getBoundingClientRect(); return {x: b.left + b.width / 2, y: b.top + b.height / "
-        "2}; })()");
-    page_.ask("Input.dispatchTouchEvent",
-              {{"type", "touchStart"}, {"touchPoints", Json::array({at})}});
-    page_.ask("Input.dispatchTouchEvent", {{"type", "touchEnd"}, {"touchPoints", Json::array()}});
+    const std::string where = "(() => { const b = " + of(selector) +
+                              ".getBoundingClientRect(); return {x: b.left + b.width / 2, y: b.top "
+                              "+ b.height / 2}; })()";
+    Json at = page_.eval(where);
+    page_.eval(
+        "window.tapped = false; addEventListener('click', (e) => { window.tapped ||= !!e.target.closest(" +
+        Json(selector).dump() + "); }, {capture: true}); true");
+    // A page that moves under the finger, as when a picture comes, has one tap again.
+    for (int tries = 0; tries < 2; ++tries) {
+      page_.ask("Input.dispatchTouchEvent",
+                {{"type", "touchStart"}, {"touchPoints", Json::array({at})}});
+      page_.ask("Input.dispatchTouchEvent", {{"type", "touchEnd"}, {"touchPoints", Json::array()}});
+      for (int looks = 0; looks < 30; ++looks) {
+        if (page_.eval("window.tapped !== false") == true) return;
+        std::this_thread::sleep_for(std::chrono::milliseconds(100));
+      }
+      if (page_.eval(of(selector) + "?.getBoundingClientRect().height > 0") != true) return;
+      in_reach(selector);
+      at = page_.eval(where);
+    }
   }
   /// What a reader of screens says of it: one of these roles, with a name.
   void hear(const std::string& selector, const std::set<std::string>& roles) {

@@ -81,10 +81,9 @@ class Try {
   void tell() const { finder_.tell(process_); }
   void find() { process_ = finder_.find(std::move(process_)); }
   /// What columns can't print with the light as far as it was found, of one in so many across and down.
-  Undercured undercured() const {
-    constexpr int kSome = 4;
+  Undercured undercured(int every) const {
     const Setup with{asked_.printer, asked_.resin, process_, gap_um()};
-    return detail::undercured_by(target_, with, kSome, context_);
+    return detail::undercured_by(target_, with, every, context_);
   }
 
  private:
@@ -97,15 +96,17 @@ class Try {
 
 /// Light in a dead zone that columns can print with. The one with which the largest section comes out
 /// best may be so thick that resin has too little light left on its way: where nobody said it, it is made
-/// thinner until hardly anything is undercured, or no less is. What is lacking then is lacking all over the part,
-/// so some columns tell it. First with light for guessed images, which takes no rounds: only in the gap that this
-/// leaves light is sought, and it goes on from there.
+/// thinner until hardly anything is undercured, or no less is. What is lacking then is mostly lacking all over the
+/// part, so some columns tell it first, with light for guessed images, which takes no rounds: only in the gap that this
+/// leaves light is sought, all columns are asked, and it goes on from there.
 std::unique_ptr<const Try> best_gap(const SliceSource& target, const Setup& setup,
                                     const ExecutionContext& context, int every, double hold_off) {
   constexpr double kThinner = 0.87;
   constexpr int kMostTries = 8;
   // Shares of the voxels that no other gap would mend: a few lack levels, more so with guessed light.
   constexpr double kFew = 1e-5, kFewOfSome = 1e-4;
+  // Columns across and down of which one is asked at first.
+  constexpr int kSome = 4;
   Setup asked = setup;
   int tries = 0;
   const auto next = [&](const Try* before) {
@@ -134,19 +135,18 @@ std::unique_ptr<const Try> best_gap(const SliceSource& target, const Setup& setu
     }
     return left;
   };
-  thin_out(kFewOfSome, [](const Try& now) { return now.undercured(); });
+  thin_out(kFewOfSome, [](const Try& now) { return now.undercured(kSome); });
   const Undercured left = thin_out(kFew, [](Try& now) {
     now.find();
-    return now.undercured();
+    return now.undercured(1);
   });
   if (best->gap_um() < first_um) {
     context.tell(fmt::format(
         "a dead zone of {:.4g} um comes out best where resin gels, but leaves features undercured; "
         "{:.4g} um is taken, which leaves {}",
         first_um, best->gap_um(),
-        left.voxels == 0
-            ? std::string("none")
-            : fmt::format("{} of {} voxels that were looked at", left.voxels, left.of)));
+        left.voxels == 0 ? std::string("none")
+                         : fmt::format("{} of {} voxels", left.voxels, left.of)));
   }
   return best;
 }

@@ -280,7 +280,12 @@ TEST(EvenDeadZone, ImagesAreNearlyThoseThatAreShown) {
     return all;
   };
   const auto near = pixels(detail::nearly_solved_images(target, setup, slices, {}));
-  const auto shown = pixels(detail::solved_images(target, setup, slices, {}));
+  const auto shown = pixels(detail::solved_images(target, setup, slices, nullptr, {}));
+  // The same are shown when what stays liquid is counted beside, and the count is that of the correction.
+  detail::Undercured left;
+  EXPECT_EQ(pixels(detail::solved_images(target, setup, slices, &left, {})), shown);
+  EXPECT_EQ(left.voxels, print.undercure_voxels);
+  EXPECT_EQ(left.of, print.target_voxels);
   ASSERT_EQ(near.size(), shown.size());
   std::size_t otherwise = 0;
   double light = 0, differs = 0;

@@ -171,20 +171,25 @@ class Hand {
     }
     FAIL() << selector << " is not reached by Tab";
   }
-  /// On the screen after scrolling, under nothing else, and large enough for a finger (WCAG 2.5.8).
+  /// On the screen after scrolling, under nothing else, and large enough for a finger (WCAG 2.5.8). A page whose
+  /// pictures still come moves after it was scrolled: it is scrolled anew until it stands, for some seconds.
   void in_reach(const std::string& selector) {
-    page_.eval(of(selector) + ".scrollIntoView({block: 'center'})");
-    EXPECT_EQ(
-        page_.eval(
-            "(() => { const e = " + of(selector) +
-            ", t = e.matches('input[type=radio],input[type=checkbox]') ? e.closest('label') : e, b = "
-            "t.getBoundingClientRect(), x = b.left + b.width / 2, y = b.top + b.height / 2, at = "
-            "document.elementFromPoint(x, y); if (b.left < 0 || b.right > innerWidth + 0.5) return "
-            "'beside the screen'; if (!at || !(t.contains(at) || at.contains(t))) return 'under ' + (at && "
-            "at.outerHTML.slice(0, 80)); if (getComputedStyle(t).display !== 'inline' && b.height < 24) "
-            "return 'only ' + b.height + ' px high'; return ''; })()"),
-        "")
-        << selector;
+    const std::string look =
+        "(() => { const e = " + of(selector) +
+        ", t = e.matches('input[type=radio],input[type=checkbox]') ? e.closest('label') : e; "
+        "e.scrollIntoView({block: 'center', behavior: 'instant'}); const b = "
+        "t.getBoundingClientRect(), x = b.left + b.width / 2, y = b.top + b.height / 2, at = "
+        "document.elementFromPoint(x, y); if (b.left < 0 || b.right > innerWidth + 0.5) return "
+        "'beside the screen'; if (!at || !(t.contains(at) || at.contains(t))) return 'under ' + (at && "
+        "at.outerHTML.slice(0, 80)); if (getComputedStyle(t).display !== 'inline' && b.height < 24) "
+        "return 'only ' + b.height + ' px high'; return ''; })()";
+    Json found;
+    for (int looks = 0; looks < 50; ++looks) {
+      found = page_.eval(look);
+      if (found == "") return;
+      std::this_thread::sleep_for(std::chrono::milliseconds(100));
+    }
+    ADD_FAILURE() << selector << ": " << found;
   }
   void tap(const std::string& selector) {
     in_reach(selector);

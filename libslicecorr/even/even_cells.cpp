@@ -438,7 +438,7 @@ FlowDoses flow_doses(const SliceSource& target, const SliceSource* shown, const 
   const EvenLight& light = *setup.process.even_light;
   const std::vector<int> slices = judged_slices(light);
   std::optional<KeptImages> solved;
-  if (!shown) shown = &solved.emplace(solved_images(target, setup, slices, context));
+  if (!shown) shown = &solved.emplace(solved_images(target, setup, slices, nullptr, context));
   const WholeTarget whole(target);
   const EvenSections sections(LitPart(target, *shown), setup, {light.gap_um, light.pitch_um},
                               context);

@@ -82,6 +82,7 @@ class Try {
   void find() { process_ = finder_.find(std::move(process_)); }
   /// What columns can't print with the light as far as it was found, of one in so many across and down.
   Undercured undercured(int every) const {
+    if (every == 1 && finder_.undercured()) return *finder_.undercured();
     const Setup with{asked_.printer, asked_.resin, process_, gap_um()};
     return detail::undercured_by(target_, with, every, context_);
   }

@@ -140,15 +140,20 @@ Process EvenFinder::find(Process process) {
     const bool few = sticks.size() <= most;
     if (!few) given_up_ = sticks.size();
     process = process_of(with_constant(few ? sticks : found_.slices, setup));
+    undercured_.reset();
     if (!few) return process;
     most = sticks.size() - 1;
   }
 }
 
 /// Slices in which resin sticks to the window, where with light that is the same everywhere it does not.
-std::vector<int> EvenFinder::sticking(const Setup& setup) const {
+std::vector<int> EvenFinder::sticking(const Setup& setup) {
   const std::vector<int> slices = judged_slices(*setup.process.even_light);
-  const KeptImages images = solved_images(target_, setup, slices, alone_);
+  Undercured left;
+  const bool gap_is_open = setup_.gap_um <= 0;
+  const KeptImages images =
+      solved_images(target_, setup, slices, gap_is_open ? &left : nullptr, alone_);
+  if (gap_is_open) undercured_ = left;
   const EvenSections sections(LitPart(target_, images), setup, cells(), alone_);
   const FlowGrid& grid = sections.part().grid();
   std::vector<int> found;

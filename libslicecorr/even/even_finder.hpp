@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "even/even_cells.hpp"
+#include "even/kept_images.hpp"
 #include "even/planned_images.hpp"
 #include "slicecorr/setup.hpp"
 
@@ -30,6 +31,9 @@ class EvenFinder {
   Process guess();
   /// The process of the setup with its light; `process`: what `guess` gave.
   Process find(Process process);
+  /// What `correct_stack` leaves unprinted with the process that `find` gave, where the gap was left open and the whole
+  /// part was solved with it in any case; else nothing.
+  const std::optional<Undercured>& undercured() const { return undercured_; }
   /// Tells gap, slices and caps through the context.
   void tell(const Process& process) const;
 
@@ -80,7 +84,7 @@ class EvenFinder {
   Look mend(const Setup& setup, int round);
   std::optional<How> next_try(const FlowDoses::Slice& judged, int round, std::size_t& room) const;
   std::size_t tries_of(int slice) const;
-  std::vector<int> sticking(const Setup& setup) const;
+  std::vector<int> sticking(const Setup& setup);
   Found with_constant(const std::vector<int>& slices, const Setup& setup) const;
   SharedLight light_near(int slice) const;
   std::vector<SharedLight> seek(const EvenSections& sections, const std::vector<Task>& tasks,
@@ -116,6 +120,7 @@ class EvenFinder {
   bool gap_at_limit_ = false;
   std::size_t given_up_ =
       0;  ///< slices in which resin stuck when patterns were given up; 0: they were not
+  std::optional<Undercured> undercured_;
 };
 
 }  // namespace slicecorr::detail

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <functional>
 #include <memory>
 
 #include "bands/bands.hpp"
@@ -111,40 +112,16 @@ class SomeColumns final : public SliceSource {
   std::unique_ptr<SomeColumns> heights_, left_alone_;
 };
 
-KeptImages images_of(const SliceSource& target, const PlacePlans& plans,
-                     const std::vector<int>& whole, const ExecutionContext& context) {
-  const auto bands = bands_of(target.grid(), target.bounds());
-  KeptImages images(target, whole, bands);
-  parallel_for(context, "try the light", bands.size(), [&](std::size_t i) {
-    correct_band(
-        target, plans, bands[i],
-        [&](int n, const std::uint8_t* pixels) { images.put(i, n, pixels); }, context);
-  });
-  return images;
-}
-
-}  // namespace
-
-KeptImages solved_images(const SliceSource& target, const Setup& setup,
-                         const std::vector<int>& whole, const ExecutionContext& context) {
-  return images_of(target, PlacePlans(target, setup, context), whole, context);
-}
-
-KeptImages nearly_solved_images(const SliceSource& target, const Setup& setup,
-                                const std::vector<int>& whole, const ExecutionContext& context) {
-  PlacePlans plans(target, setup, context);
-  plans.keep_as_planned();
-  return images_of(target, plans, whole, context);
-}
-
-Undercured undercured_by(const SliceSource& target, const Setup& setup, int every,
-                         const ExecutionContext& context) {
-  const SomeColumns some(target, every);
-  const PlacePlans plans(some, setup, context);
-  const auto bands = bands_of(target.grid(), target.bounds());
+/// Corrects band by band. `put`: where pixels go, by band; `left`: counts what is left unprinted, or null.
+void correct_bands(
+    const SliceSource& target, const PlacePlans& plans, const std::vector<PixelBox>& bands,
+    const std::function<void(std::size_t band, int slice, const std::uint8_t* pixels)>& put,
+    Undercured* left, const ExecutionContext& context) {
   std::atomic<std::uint64_t> voxels{0}, of{0};
   parallel_for(context, "try the light", bands.size(), [&](std::size_t i) {
-    DesignBand(some, plans.models().map(), bands[i])
+    const PutRows put_band = [&](int n, const std::uint8_t* pixels) { put(i, n, pixels); };
+    if (!left) return correct_band(target, plans, bands[i], put_band, context);
+    DesignBand(target, plans.models().map(), bands[i])
         .each(
             plans.all_layers(),
             [&](const DesignGroup& group, const PutRows& put_rows) {
@@ -155,9 +132,46 @@ Undercured undercured_by(const SliceSource& target, const Setup& setup, int ever
               voxels += here.undercure_voxels;
               of += here.target_voxels;
             },
-            [](int, const std::uint8_t*) {});
+            put_band);
   });
-  return {voxels, of};
+  if (left) *left = {voxels, of};
+}
+
+KeptImages images_of(const SliceSource& target, const PlacePlans& plans,
+                     const std::vector<int>& whole, Undercured* left,
+                     const ExecutionContext& context) {
+  const auto bands = bands_of(target.grid(), target.bounds());
+  KeptImages images(target, whole, bands);
+  correct_bands(
+      target, plans, bands,
+      [&](std::size_t i, int n, const std::uint8_t* pixels) { images.put(i, n, pixels); }, left,
+      context);
+  return images;
+}
+
+}  // namespace
+
+KeptImages solved_images(const SliceSource& target, const Setup& setup,
+                         const std::vector<int>& whole, Undercured* left,
+                         const ExecutionContext& context) {
+  return images_of(target, PlacePlans(target, setup, context), whole, left, context);
+}
+
+KeptImages nearly_solved_images(const SliceSource& target, const Setup& setup,
+                                const std::vector<int>& whole, const ExecutionContext& context) {
+  PlacePlans plans(target, setup, context);
+  plans.keep_as_planned();
+  return images_of(target, plans, whole, nullptr, context);
+}
+
+Undercured undercured_by(const SliceSource& target, const Setup& setup, int every,
+                         const ExecutionContext& context) {
+  const SomeColumns some(target, every);
+  Undercured left;
+  correct_bands(
+      some, PlacePlans(some, setup, context), bands_of(target.grid(), target.bounds()),
+      [](std::size_t, int, const std::uint8_t*) {}, &left, context);
+  return left;
 }
 
 }  // namespace slicecorr::detail

@@ -41,15 +41,6 @@ class KeptImages final : public SliceSource {
   std::vector<Band> bands_;
 };
 
-/// What `correct_stack` will show with the even light of a setup, by the same solve. Throws as it does.
-KeptImages solved_images(const SliceSource& target, const Setup& setup,
-                         const std::vector<int>& whole, const ExecutionContext& context);
-
-/// Nearly the same in a third of the time: columns keep what was planned, with their edges brought to their
-/// places (`InhibitedTuning::as_planned`).
-KeptImages nearly_solved_images(const SliceSource& target, const Setup& setup,
-                                const std::vector<int>& whole, const ExecutionContext& context);
-
 /// Voxels of coverage 1 that light leaves unprinted.
 struct Undercured {
   std::uint64_t voxels = 0, of = 0;
@@ -57,6 +48,17 @@ struct Undercured {
     return static_cast<double>(voxels) > share * static_cast<double>(of);
   }
 };
+
+/// What `correct_stack` will show with the even light of a setup, by the same solve. `left`: told what it leaves
+/// unprinted, which takes a prediction more, or null. Throws as it does.
+KeptImages solved_images(const SliceSource& target, const Setup& setup,
+                         const std::vector<int>& whole, Undercured* left,
+                         const ExecutionContext& context);
+
+/// Nearly the same in a third of the time: columns keep what was planned, with their edges brought to their
+/// places (`InhibitedTuning::as_planned`).
+KeptImages nearly_solved_images(const SliceSource& target, const Setup& setup,
+                                const std::vector<int>& whole, const ExecutionContext& context);
 
 /// What `correct_stack` leaves unprinted with the even light of a setup, in one column of so many across and
 /// down (`every`, 1 or more). Throws as it does.

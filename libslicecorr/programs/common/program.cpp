@@ -5,7 +5,6 @@
 
 #include <fcntl.h>
 #include <fmt/format.h>
-#include <malloc.h>
 #include <sys/ioctl.h>
 #include <unistd.h>
 
@@ -322,11 +321,6 @@ int Program::run(int argc, char** argv) {
   };
   occupy_standard_files();
   std::signal(SIGXFSZ, SIG_IGN);
-#ifdef M_MMAP_THRESHOLD
-  // Large blocks go back to the system when they are freed. Else small ones that stay, such as what is kept
-  // of each band, end up between them, and a plate of many bands takes three times the memory.
-  mallopt(M_MMAP_THRESHOLD, 512 << 10);
-#endif
   // What the scripts of --completion ask; no option, since it is not for people.
   if (argc == 3 && std::string_view(argv[1]) == "--completion-names") {
     const std::string names = completion_names(argv[2]);

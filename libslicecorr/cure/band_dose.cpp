@@ -412,6 +412,12 @@ const std::uint8_t* BandDose::turning() const {
 void BandDose::inside(std::size_t column, double known, InsideLayer& out) const {
   walker_->inside(column, known, out);
 }
+bool BandDose::steady(std::size_t column, SteadyLayer& out) const {
+  return walker_->steady(column, out);
+}
+void BandDose::inside(const SteadyLayer& layer, double known, InsideLayer& out) const {
+  walker_->inside(layer, known, out);
+}
 
 ColumnDose column_dose(const CureModel& model, const std::vector<std::uint8_t>& pixels) {
   ColumnDose dose;

@@ -176,17 +176,43 @@ class InhibitedWalker final : public DoseWalker {
         layer_.add(static_cast<int>(j), shown.setting, shown.levels[i], shown.of(i));
       }
     }
-    const LayerFloor::Doses doses{lower[i], middle[i], upper[i]};
+    look({lower[i], middle[i], upper[i]}, known, out);
+  }
+
+  bool steady(std::size_t i, SteadyLayer& out) const override {
+    const Slot& newest = slots_[newest_];
+    const Shown& now = newest.shown[0];
+    if (same_[i] < near_ || newest.count > 1 || now.levels[i] == off() || !kernel_.alike() ||
+        model_.mode != ExposureMode::layerwise) {
+      return false;
+    }
+    out = {tail_[1][i] / fades_.half,
+           lower[i],
+           middle[i],
+           upper[i],
+           now.setting,
+           now.levels[i],
+           now.of(i)};
+    return true;
+  }
+  void inside(const SteadyLayer& layer, double known, InsideLayer& out) const override {
+    layer_.begin(layer.far);
+    layer_.add(0, static_cast<int>(near_) - 1, layer.setting, layer.level, layer.weight);
+    look({layer.lower, layer.middle, layer.upper}, known, out);
+  }
+
+ private:
+  /// Looks inside the layer whose light `layer_` has been told.
+  void look(const LayerFloor::Doses& doses, double known, InsideLayer& out) const {
     if (layer_.stays(doses, known)) {
       out.crossings.clear();
       out.least = doses.least();
       return;
     }
-    layer_.sample(lower[i], middle[i], upper[i]);
+    layer_.sample(doses.lower, doses.middle, doses.upper);
     layer_.find(known, out);
   }
 
- private:
   /// An image of a slice.
   struct Shown {
     int setting = 0;

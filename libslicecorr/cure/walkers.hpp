@@ -37,6 +37,9 @@ class DoseWalker {
   virtual void add_slice(int slice, std::span<const ImageShowing> showings) = 0;
   /// See BandDose::inside.
   virtual void inside(std::size_t column, double known, InsideLayer& out) const = 0;
+  /// See BandDose::steady.
+  virtual bool steady(std::size_t, SteadyLayer&) const { return false; }
+  virtual void inside(const SteadyLayer&, double, InsideLayer&) const {}
   /// The pieces of the layer, from its lower end on; none under UV light, and of resins with a time to gel.
   virtual void stretches(std::size_t, std::vector<Stretch>& out) const { out.clear(); }
   std::vector<double> lower, middle, upper;  ///< doses of the layer that was added last, per column

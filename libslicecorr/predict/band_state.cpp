@@ -144,6 +144,7 @@ void BandPredictor::State::enter(std::size_t i, int node, std::uint8_t height, C
   Column& c = columns_[i];
   const bool printed_before = before >= 1.0, printed = after >= 1.0;
   const Class old = class_[i];
+  if (old == gap) look_at_last(i);
   if (old == run) {
     if (c.seeks_print) error(i, c.lower, c.lower_height, false, -between(node, c.lower));
     c.seeks_print = false;
@@ -286,6 +287,24 @@ void BandPredictor::State::add_slice(int slice, std::span<const ImageShowing> sh
               lower_heights_.begin());
 }
 
+bool BandPredictor::State::put_off(std::size_t i) {
+  SteadyLayer now;
+  if (!dose_->steady(i, now)) return false;
+  if (put_off_.empty()) put_off_.resize(columns_.size());
+  if (!put_off_[i].same_light(now)) look_at_last(i);
+  SteadyLayer& kept = put_off_[i];
+  if (kept.weight == 0 || now.far < kept.far) kept = now;
+  return true;
+}
+
+void BandPredictor::State::look_at_last(std::size_t i) {
+  if (put_off_.empty() || put_off_[i].weight == 0) return;
+  InsideLayer inside;
+  dose_->inside(put_off_[i], least_[i], inside);
+  least_[i] = std::min(least_[i], inside.least);
+  put_off_[i].weight = 0;
+}
+
 /// Looks inside the layer of those columns of a block whose dose may turn there and where it
 /// matters: the dose may pass 1, or be the least so far. Light falls by a in a slice at most, so
 /// the dose at a place bounds the doses beside it.
@@ -323,6 +342,7 @@ void BandPredictor::State::look_inside(int slice, std::size_t first, std::size_t
     }
     const double least = std::min({lower[i], middle[i], upper[i]});
     if (!passes && low >= std::min(known, least)) continue;
+    if (!passes && cover[i] == 0 && class_[first + i] == gap && put_off(first + i)) continue;
     // A neighbour with the same doses at both ends and in the middle has had the same light.
     const bool alike = last < n && lower[i] == lower[last] && middle[i] == middle[last] &&
                        upper[i] == upper[last] && known <= last_known;
@@ -530,6 +550,7 @@ Prediction BandPredictor::State::finish(const PixelOfColumn& place) {
       if (class_[i] == gap) {
         if (c.seeks_end) error(i, c.lower, c.lower_height, true, between(0, c.lower));
         c.gap_layers += c.lower;
+        look_at_last(i);
       }
       close_gap(i, 0);
     }

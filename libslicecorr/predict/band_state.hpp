@@ -80,6 +80,11 @@ struct BandPredictor::State {
   const std::uint8_t* classes_of_block(std::size_t b, std::size_t n, const std::uint8_t* heights,
                                        std::uint8_t* room) const;
   void look_inside(int slice, std::size_t first, std::size_t n, const std::uint8_t* cover);
+  /// Keeps the layer of column i for later, where it is a steady one of a gap: the least dose of all such layers is that
+  /// of the one with least from far, and is looked for once. False where it is none.
+  bool put_off(std::size_t i);
+  /// Looks inside the layer that was put off.
+  void look_at_last(std::size_t i);
   void leave_stretch(std::size_t i);
   /// The dose crosses 1 at `zeta`; from there on upwards it is on the other side.
   void cross(std::size_t i, double zeta, bool printed, Class now);
@@ -111,6 +116,8 @@ struct BandPredictor::State {
   bool passes_inside_ = false;  ///< any of these has crossings
   std::vector<InsideLayer> inside_;
   LayersSeen layers_seen_;
+  /// Per column the layer that was put off; none where its weight is 0. Made when the first is.
+  std::vector<SteadyLayer> put_off_;
   std::vector<Class> class_;
   std::vector<Column> columns_;
   std::vector<std::uint8_t> lower_heights_;  ///< edge heights of the next slice's lower node

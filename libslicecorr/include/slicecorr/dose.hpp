@@ -69,6 +69,18 @@ struct InsideLayer {
   std::vector<double> crossings;
 };
 
+/// The layer of a column that has shown one light in all slices near it: from such a layer to the next only what far
+/// slices gave changes, at all places of the layer alike.
+struct SteadyLayer {
+  double far = 0;  ///< dose at the lower end from slices that are not near
+  double lower = 0, middle = 0, upper = 0;
+  int setting = 0, level = 0;
+  double weight = 0;
+  bool same_light(const SteadyLayer& o) const {
+    return setting == o.setting && level == o.level && weight == o.weight;
+  }
+};
+
 class BandDose {
  public:
   /// `model` must outlive this.
@@ -93,6 +105,11 @@ class BandDose {
   /// `least` to 1e-6. `known`: where the layer's least dose is not below this, `least` may be any
   /// dose not below it.
   void inside(std::size_t column, double known, InsideLayer& out) const;
+  /// Whether the layer of a column is a steady one whose dose may turn inside; `out`: that layer. Of two with the same
+  /// light the one with less from far has less at each place.
+  bool steady(std::size_t column, SteadyLayer& out) const;
+  /// `inside` of a layer that `steady` gave, at any time after it.
+  void inside(const SteadyLayer& layer, double known, InsideLayer& out) const;
 
  private:
   const CureModel& model_;

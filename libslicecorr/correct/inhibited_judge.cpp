@@ -28,11 +28,8 @@ ColumnJudge::Score ColumnJudge::score(double most_um) {
     s.um = std::numeric_limits<double>::infinity();
     return s;
   }
-  look_through();
-  for (const Dip& dip : dips_) {
-    const double depth = t.split_depth_layers * (1.0 - dip.least);
-    s.um += (t.split_layers + std::min(t.most_split_depth_layers, depth)) * plan_.layer_um;
-  }
+  look_through(s, most_um);
+  if (s.um >= most_um) s.um = std::numeric_limits<double>::infinity();
   return s;
 }
 
@@ -107,11 +104,19 @@ double ColumnJudge::edge_error_um(const ColumnDesign::Edge& edge) const {
 }
 
 /// Finds the dips of all features; see Prediction::split_features.
-void ColumnJudge::look_through() {
+void ColumnJudge::look_through(Score& s, double most_um) {
+  const InhibitedTuning& t = plan_.tuning;
   dips_.clear();
   run_first_ = -1;
   for (int n = std::min(design_.last_node, plan_.layers); n-- > 0;) {
-    if (design_.full(n)) look_through_feature(n);
+    if (!design_.full(n)) continue;
+    const std::size_t before = dips_.size();
+    look_through_feature(n);
+    for (std::size_t i = before; i < dips_.size(); ++i) {
+      const double depth = t.split_depth_layers * (1.0 - dips_[i].least);
+      s.um += (t.split_layers + std::min(t.most_split_depth_layers, depth)) * plan_.layer_um;
+    }
+    if (s.um >= most_um) return;
   }
 }
 
@@ -150,6 +155,16 @@ ColumnJudge::Window& ColumnJudge::window_of(int k, Window& wanted) {
   return safe_[static_cast<std::size_t>(mixed >> 40U) % kSafe];
 }
 
+/// Whether it is sure by the doses at its ends and in its middle alone that all of layer k is above 1.
+bool ColumnJudge::all_above_1(int k, double lower) {
+  const int past = std::min(plan_.near, plan_.all_layers - k);
+  floor_.begin();
+  for (int j = 0; j < past; ++j) {
+    floor_.add(j, j, plan_.setting_of(k + j), doses_.level(k + j), plan_.ratio_of(k + j));
+  }
+  return floor_.least({lower, doses_.middle(k), doses_.node(k)}) >= 1.0;
+}
+
 /// Finds the least dose inside layer k of a feature, and where it crosses 1.
 void ColumnJudge::look_inside(int k) {
   const double above = doses_.node(k), half = doses_.middle(k), below = doses_.node(k + 1);
@@ -158,10 +173,15 @@ void ColumnJudge::look_inside(int k) {
   inside_.crossings.clear();
   inside_.least = std::min({below, half, above});
   if (!steps && SmoothBounds(below, half, above).low >= 1.0) return;
+  // The layer's own slice adds nothing at the window, unless resin cures there.
+  const int level = doses_.level(k);
+  const bool cures =
+      steps && (kernel.source(plan_.setting_of(k), level).front_um <= 0 || !kernel.alike());
+  const double own = cures ? plan_.ratio_of(k) * kernel.added(k, level, k + 1.0) : 0.0;
+  if (inside_.least >= 1.0 && floor_.exists() && all_above_1(k, below + own)) return;
   const int end = std::min(k + plan_.near, plan_.all_layers);
   const double beyond = (doses_.floor_far(k) + doses_.far(k)) / plan_.node_fade(k);
   // Where all near slices show one level, the layer's least dose follows from that level alone.
-  const int level = doses_.level(k);
   if (run_first_ != k + 1 || doses_.level(run_first_) != level) {
     for (run_end_ = k + 1; run_end_ < end && doses_.level(run_end_) == level;) ++run_end_;
   }
@@ -186,9 +206,6 @@ void ColumnJudge::look_inside(int k) {
     layer_.add(n - k, past - 1 - k, plan_.setting_of(n), doses_.level(n), plan_.ratio_of(n));
     n = past;
   }
-  // The layer's own slice adds nothing at the window, unless resin cures there.
-  const double own = steps ? plan_.ratio_of(k) * kernel.added(k, level, k + 1.0) : 0.0;
-  if (inside_.least >= 1.0 && layer_.stays({below + own, half, above}, 1.0)) return;
   layer_.sample(below + own, half, above);
   layer_.find(0.0, inside_);
   if (safe && inside_.crossings.empty() && inside_.least >= 1.0) {

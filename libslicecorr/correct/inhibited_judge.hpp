@@ -20,7 +20,11 @@ namespace slicecorr::detail {
 class ColumnJudge {
  public:
   ColumnJudge(const InhibitedPlan& plan, const ColumnDesign& design, const ColumnDoses& doses)
-      : plan_(plan), design_(design), doses_(doses), layer_(*plan.kernel, false) {
+      : plan_(plan),
+        design_(design),
+        doses_(doses),
+        layer_(*plan.kernel, false),
+        floor_(*plan.kernel) {
     if (plan.uniform && plan.near <= static_cast<int>(sizeof(Window::levels))) safe_.resize(kSafe);
   }
 
@@ -51,14 +55,17 @@ class ColumnJudge {
   static constexpr std::size_t kSafe = 4096;
   Window& window_of(int k, Window& wanted);
   double edge_error_um(const ColumnDesign::Edge& edge) const;
-  void look_through();
+  /// Adds what dips cost, until the score is `most_um`; then looks no further.
+  void look_through(Score& s, double most_um);
   void look_through_feature(int& layer);
   void look_inside(int k);
+  bool all_above_1(int k, double lower);
 
   const InhibitedPlan& plan_;
   const ColumnDesign& design_;
   const ColumnDoses& doses_;
   InhibitedLayer layer_;
+  LayerFloor floor_;
   InsideLayer inside_;
   std::vector<Dip> dips_;
   std::vector<Window> safe_;  ///< by a hash of the levels; empty: not kept

@@ -382,7 +382,7 @@ inline int LevelRule::level_for_node(int n, int k, int from, int lag, double nee
     if (promised(n, level, k, from) >= need) return level;
     return std::max(level, least_level(n, k, need, from));
   }
-  const double can = can_still_come(n, k, from, lag);
+  const double can = can_still_come(n, k, from, lag, need);
   if (can >= need) return level;
   return std::max(level, least_level(n, k, need - can, n));
 }
@@ -430,8 +430,8 @@ int LevelRule::least_level(int n, int k, double need, int from) const {
 }
 
 /// The most that slices [from, n) can still give node k: full light down to the lag, the steady
-/// level after it.
-inline double LevelRule::can_still_come(int n, int k, int from, int lag) const {
+/// level after it. Where that is `enough`, anything between the two.
+inline double LevelRule::can_still_come(int n, int k, int from, int lag, double enough) const {
   const ExtraLight& light = plan_.node_light;
   double can = 0;
   if (plan_.uniform && caps_.empty() && !doses_.has_floors()) {
@@ -446,7 +446,7 @@ inline double LevelRule::can_still_come(int n, int k, int from, int lag) const {
     can += plan_.far_light.of_caps({k, full, n});
     end = std::min(n, k + plan_.near);
   }
-  for (int i = from; i < end; ++i) {
+  for (int i = from; i < end && can < enough; ++i) {
     const int cap = cap_of(i);
     const int l = i >= k + lag ? cap : std::min(plan_.steady_of(i), cap);
     can += doses_.has_floors() ? doses_.extra(i, within(i, l), i - k)

@@ -64,7 +64,7 @@ class LevelRule {
   double promised(int n, int level, int k, int from) const;
   int least_level(int n, int k, double need, int from) const;
   int least_level_above(int level, int end, double need, int first) const;
-  double can_still_come(int n, int k, int from, int lag) const;
+  double can_still_come(int n, int k, int from, int lag, double enough) const;
   bool even_light_fits(int n, int first_feature);
   double borne_by_edge(const Feature& feature) const;
   int cap_of(int n) const { return plan_.cap_of(n, caps_); }

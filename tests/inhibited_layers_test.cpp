@@ -316,6 +316,37 @@ TEST(InhibitedLayers, PredictionIsWhatIntegrationSays) {
   }
 }
 
+// In light that is the same for long, only the layer with the least light from far is looked at: also where the light
+// changes inside the gap, and where it grows again towards the feature at its other end.
+TEST(InhibitedLayers, LongGapsInFaintLightAreLeastWhereIntegrationSays) {
+  for (const Setting& s : settings()) {
+    if (!s.layerwise) continue;
+    const CureModel model = s.model();
+    const auto near = static_cast<std::size_t>(model.inhibited()->near());
+    int middle = 0;
+    while (middle < 255 && model.level_phi[static_cast<std::size_t>(middle)] < 1) ++middle;
+    const auto lit = [&](double share) {
+      return static_cast<std::uint8_t>(std::clamp(static_cast<int>(share * middle), 1, 255));
+    };
+    std::vector<std::uint8_t> levels, coverage;
+    const auto add = [&](std::size_t layers, std::uint8_t level, int cover) {
+      levels.insert(levels.end(), layers, level);
+      coverage.insert(coverage.end(), layers, static_cast<std::uint8_t>(cover));
+    };
+    add(6, lit(2), 255);
+    add(2 * near + 9, lit(0.7), 0);
+    add(2 * near + 3, lit(0.4), 0);
+    add(near + 2, lit(0.8), 0);
+    add(6, lit(2), 255);
+    compare(s, levels, coverage, "steps");
+    levels.clear();
+    coverage.clear();
+    add(3 * near, lit(0.6), 0);
+    add(6, lit(2), 255);
+    compare(s, levels, coverage, "down to the platform");
+  }
+}
+
 TEST(InhibitedLayers, LadderIsPredictedAsIntegrated) {
   int turn = 0;
   for (const Setting& s : settings()) {

@@ -400,7 +400,9 @@ void InhibitedLayer::find(double known, InsideLayer& out) {
     // lines beyond a kink say nothing. Where there are none, light falls by a in a slice at most.
     const bool has_before = c > 0 && !points_[c].kink;
     const bool has_after = c + 1 < cells && !points_[c + 1].kink;
-    const double bends = has_before || has_after
+    // Where m is above 1 light begins so softly that it bends most right behind its kink.
+    const bool soft = points_[c].kink && kernel_.kinetics().m > 1.0;
+    const double bends = (has_before || has_after) && !soft
                              ? (to - from) * (has_before && has_after ? 1.0 : 2.0) *
                                    ((has_before ? std::abs(here - before) : 0.0) +
                                     (has_after ? std::abs(after - here) : 0.0))

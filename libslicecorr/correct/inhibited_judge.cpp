@@ -108,6 +108,7 @@ void ColumnJudge::look_through(Score& s, double most_um) {
   const InhibitedTuning& t = plan_.tuning;
   dips_.clear();
   run_first_ = -1;
+  if (floor_.exists()) keep_what_stays();
   for (int n = std::min(design_.last_node, plan_.layers); n-- > 0;) {
     if (!design_.full(n)) continue;
     const std::size_t before = dips_.size();
@@ -155,14 +156,35 @@ ColumnJudge::Window& ColumnJudge::window_of(int k, Window& wanted) {
   return safe_[static_cast<std::size_t>(mixed >> 40U) % kSafe];
 }
 
+/// Forgets what was found of layers whose near slices show other levels than those that were judged last.
+void ColumnJudge::keep_what_stays() {
+  constexpr double unknown = std::numeric_limits<double>::infinity();
+  const auto& levels = doses_.levels();
+  if (judged_.size() != levels.size()) {
+    above_with_.assign(levels.size(), unknown);
+  } else {
+    auto changed = levels.size() + static_cast<std::size_t>(plan_.near);
+    for (std::size_t n = levels.size(); n-- > 0;) {
+      if (levels[n] != judged_[n]) changed = n;
+      if (changed < n + static_cast<std::size_t>(plan_.near)) above_with_[n] = unknown;
+    }
+  }
+  judged_.assign(levels.begin(), levels.end());
+}
+
 /// Whether it is sure by the doses at its ends and in its middle alone that all of layer k is above 1.
 bool ColumnJudge::all_above_1(int k, double lower) {
+  const double beyond = doses_.floor_far(k) + doses_.far(k);
+  double& with = above_with_[static_cast<std::size_t>(k)];
+  if (beyond >= with) return true;
   const int past = std::min(plan_.near, plan_.all_layers - k);
   floor_.begin();
   for (int j = 0; j < past; ++j) {
     floor_.add(j, j, plan_.setting_of(k + j), doses_.level(k + j), plan_.ratio_of(k + j));
   }
-  return floor_.least({lower, doses_.middle(k), doses_.node(k)}) >= 1.0;
+  if (floor_.least({lower, doses_.middle(k), doses_.node(k)}) < 1.0) return false;
+  if (!doses_.has_floors()) with = beyond;
+  return true;
 }
 
 /// Finds the least dose inside layer k of a feature, and where it crosses 1.

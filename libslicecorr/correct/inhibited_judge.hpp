@@ -60,6 +60,7 @@ class ColumnJudge {
   void look_through_feature(int& layer);
   void look_inside(int k);
   bool all_above_1(int k, double lower);
+  void keep_what_stays();
 
   const InhibitedPlan& plan_;
   const ColumnDesign& design_;
@@ -69,6 +70,10 @@ class ColumnJudge {
   InsideLayer inside_;
   std::vector<Dip> dips_;
   std::vector<Window> safe_;  ///< by a hash of the levels; empty: not kept
+  /// Of levels that were judged: by layer the light from beyond its near slices with which it was found to be above 1;
+  /// infinite where it was not, or where a near slice has changed since. Only while `floor_` exists.
+  std::vector<std::uint8_t> judged_;
+  std::vector<double> above_with_;
   // Slices run_first_ .. run_end_ - 1 show one level.
   int run_first_ = -1, run_end_ = 0;
 };

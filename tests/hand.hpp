@@ -183,10 +183,10 @@ class Hand {
         "'beside the screen'; if (!at || !(t.contains(at) || at.contains(t))) return 'under ' + (at && "
         "at.outerHTML.slice(0, 80)); if (getComputedStyle(t).display !== 'inline' && b.height < 24) "
         "return 'only ' + b.height + ' px high'; return ''; })()";
-    Json found;
+    std::string found;
     for (int looks = 0; looks < 50; ++looks) {
-      found = page_.eval(look);
-      if (found == "") return;
+      found = page_.eval(look).get<std::string>();
+      if (found.empty()) return;
       std::this_thread::sleep_for(std::chrono::milliseconds(100));
     }
     ADD_FAILURE() << selector << ": " << found;

@@ -25,8 +25,9 @@ double band_mb(int width_px, int slices) {
   return 384.0 * width_px * band_rows(grid) / kMiB;
 }
 
-/// Half as much again as the sum, in whole MiB.
-std::int64_t with_half(double mb) { return static_cast<std::int64_t>(1.5 * mb); }
+/// Half as much again as the sum and what is kept for the next band, in whole MiB.
+constexpr double kTimes = 1.5 * 1.3;
+std::int64_t to_be_sure(double mb) { return static_cast<std::int64_t>(kTimes * mb); }
 
 TEST(MemoryNeed, OfAPlainPartIsProgramMeshPiecesAndABand) {
   MemoryFacts f;
@@ -38,20 +39,20 @@ TEST(MemoryNeed, OfAPlainPartIsProgramMeshPiecesAndABand) {
   const double thread = 16 + 32.0 * 2560 * 100 / kMiB + 8192.0 * 1000 / kMiB + band_mb(2560, 1000);
   // Of what hangs together: what is kept, and 16 bytes for each column while it is followed.
   const double bodies = 0.05 * 1e8 / kMiB + 16 * 1e8 / 1000 / kMiB;
-  EXPECT_EQ(memory_needs(f).thread_mb, with_half(thread));
-  EXPECT_EQ(memory_needs(f).base_mb, with_half(70 + mesh + pieces + bodies + thread));
+  EXPECT_EQ(memory_needs(f).thread_mb, to_be_sure(thread));
+  EXPECT_EQ(memory_needs(f).base_mb, to_be_sure(70 + mesh + pieces + bodies + thread));
   // Pieces beyond 64 MiB wait on the disk, and of bodies what is beyond 16: more is asked for columns alone.
   f.voxels = std::int64_t{1} << 40;
   const auto followed = [](double voxels) { return 16 * voxels / 1000 / kMiB; };
   const std::int64_t large = memory_needs(f).base_mb;
-  EXPECT_EQ(large, with_half(70 + mesh + 64 + 16 + followed(0x1p40) + thread));
+  EXPECT_EQ(large, to_be_sure(70 + mesh + 64 + 16 + followed(0x1p40) + thread));
   f.voxels *= 16;
-  EXPECT_EQ(memory_needs(f).base_mb, with_half(70 + mesh + 64 + 16 + followed(0x1p44) + thread));
+  EXPECT_EQ(memory_needs(f).base_mb, to_be_sure(70 + mesh + 64 + 16 + followed(0x1p44) + thread));
   f.voxels /= 16;
   // Rounds of columns that are corrected together keep 80 MiB, whatever the part.
   f.together = true;
-  EXPECT_NEAR(static_cast<double>(memory_needs(f).base_mb - large), 1.5 * 80, 1);
-  EXPECT_EQ(memory_needs(f).thread_mb, with_half(thread));
+  EXPECT_NEAR(static_cast<double>(memory_needs(f).base_mb - large), kTimes * 80, 1);
+  EXPECT_EQ(memory_needs(f).thread_mb, to_be_sure(thread));
 }
 
 TEST(MemoryNeed, GrowsWithEachFigureAndNeverFalls) {
@@ -88,7 +89,7 @@ TEST(MemoryNeed, GrowsWithEachFigureAndNeverFalls) {
   const double tables = 256 + 8;
   const double thread = 16 + 32.0 * 1280 * 100 / kMiB + 8192.0 * 500 / kMiB + 4 * tables +
                         200 * 256.0 * 500 / kMiB + band_mb(1280, 500);
-  EXPECT_EQ(memory_needs(many).thread_mb, with_half(thread));
+  EXPECT_EQ(memory_needs(many).thread_mb, to_be_sure(thread));
 }
 
 TEST(MemoryNeed, TakesItsFiguresOfThePrint) {

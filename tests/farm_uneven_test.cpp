@@ -184,7 +184,10 @@ class MemoryOfLight : public FarmUneven {
   }
   static void expect_near(const Attempt& a) {
     EXPECT_GE(a.memory_mb, a.peak_mb);
-    EXPECT_LE(a.memory_mb, 2 * a.peak_mb + 200);
+    // A third of it is for what programs keep for their next band, which small parts have none of (memory_need.cpp).
+    constexpr double kept_for_next = 1.3;
+    EXPECT_LE(static_cast<double>(a.memory_mb),
+              kept_for_next * static_cast<double>(2 * a.peak_mb + 200));
   }
 };
 

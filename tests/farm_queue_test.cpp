@@ -591,6 +591,18 @@ TEST_F(FarmQueue, AListThatTheDiskChangedIsNoDefectOfTheProgram) {
   }
 }
 
+// Found by the fuzzer of records: the refusal did not say whose setting it is.
+TEST_F(FarmQueue, ASettingThatTheDiskChangedIsRefusedByTheRecordsName) {
+  Queue q = open();
+  ASSERT_EQ(raw("INSERT INTO settings (name, value) VALUES ('', '1')"), "");
+  try {
+    ReadModel(path(), clock).settings();
+    FAIL() << "read";
+  } catch (const InputError& e) {
+    EXPECT_THAT(e.what(), testing::AllOf(HasSubstr(path()), HasSubstr("is no setting")));
+  }
+}
+
 TEST_F(FarmQueue, ManyJobsAreListedByTheirIndexesAndCountedByTriggers) {
   Queue q = open();
   std::vector<NewJob> jobs;

@@ -153,7 +153,13 @@ Attempt read_attempt(const Rows& r) {
 FarmSettings read_settings(Database& db) {
   FarmSettings settings;
   Rows rows = db.query("SELECT name, value FROM settings");
-  while (rows.next()) set_setting(settings, rows.text(0), rows.text(1));
+  while (rows.next()) {
+    try {
+      set_setting(settings, rows.text(0), rows.text(1));
+    } catch (const InputError& e) {
+      throw InputError(rows.path(), "settings", e.what());
+    }
+  }
   return settings;
 }
 

@@ -44,7 +44,8 @@ struct MemoryNeeds {
   std::int64_t thread_mb = 0;  ///< more for each further one
 };
 
-/// Half as much again as was seen, because a program over its limit has worked for nothing.
+/// Half as much again as was seen, with what programs keep for their next band: a program over its limit has worked for
+/// nothing.
 MemoryNeeds memory_needs(const MemoryFacts& facts);
 
 /// Fills in what depends on the light: that of `plan`, and of the printer's places.

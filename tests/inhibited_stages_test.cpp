@@ -212,14 +212,16 @@ TEST(InhibitedPolish, MendsVoxels) {
 }
 
 TEST(InhibitedTuning, ReachesTheSolve) {
-  // Lags are shares of the kernel's peak; what is kept of them decides the slices to be shown.
+  // Lags are shares of the kernel's peak; that of the end decides the slices to be shown.
   InhibitedTuning longer;
   for (InhibitedTuning::Fraction& share : longer.lag_shares) share.times *= 4;
+  longer.end_lag_share.times *= 4;
   longer.spare_slices += 3;
   const Stages shipped(continuous()), changed(continuous(), false, longer);
   EXPECT_GT(changed.plan.lags.front(), shipped.plan.lags.front());
+  EXPECT_GT(changed.plan.end_lag, shipped.plan.end_lag);
   EXPECT_EQ(changed.plan.slices_for(0, 9) - shipped.plan.slices_for(0, 9),
-            changed.plan.lags.front() - shipped.plan.lags.front() + 3);
+            changed.plan.end_lag - shipped.plan.end_lag + 3);
   EXPECT_EQ(shipped.plan.slices_for(0, 9), slices_with_burst(shipped.model, 0, 9));
 }
 

@@ -83,7 +83,7 @@ double inhibited_dose_for_end(const CureModel& model, int slices) {
   const auto fits = [&](double times) {
     int steady = cap;
     while (steady > 0 && times * doses[static_cast<std::size_t>(steady - 1)] >= 1.0) --steady;
-    const int lag = lag_of(tuning.lag_shares.front(), extra.peak(s, steady));
+    const int lag = lag_of(tuning.end_lag_share, extra.peak(s, steady));
     const int full = slices - lag - tuning.spare_slices;
     return full > 0 && times * extra.sum(s, cap, full) >= 1.0;
   };

@@ -85,7 +85,7 @@ int slices_to_gel_at_edges_by_columns(const CureModel& model) {
   for (; reach < most && dose < 1; ++reach) {
     dose += static_cast<double>(half.amount) * fronts->exact(0, half.front, reach + 1.0);
   }
-  return std::max(reach, plan.reach) + plan.lags.front() + plan.tuning.spare_slices;
+  return std::max(reach, plan.reach) + plan.end_lag + plan.tuning.spare_slices;
 }
 
 CoupledColumns::CoupledColumns(const CorrectionPlan& columns, double most_dose, double most_uv)

@@ -82,7 +82,7 @@ void InhibitedPlan::find_own_layers() {
     }
   }
   if (k.heights().alike()) return;
-  const int longest_lag = *std::max_element(lags.begin(), lags.end());
+  const int longest_lag = std::max(end_lag, *std::max_element(lags.begin(), lags.end()));
   for (int lag = 0; lag <= longest_lag; ++lag) {
     int end = 0;
     for (int node = 0; node <= all_layers; ++node) {

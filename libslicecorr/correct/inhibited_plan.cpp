@@ -237,6 +237,7 @@ void InhibitedPlan::find_lags() {
     const int lag = lag_of(share, peak);
     if (std::find(lags.begin(), lags.end(), lag) == lags.end()) lags.push_back(lag);
   }
+  end_lag = lag_of(tuning.end_lag_share, peak);
 }
 
 void InhibitedPlan::tabulate_promises() {
@@ -327,8 +328,7 @@ ColumnFacts InhibitedPlan::facts() const {
 }
 
 int InhibitedPlan::slices_for(int target_layers, int last_lit) const {
-  return std::max(target_layers,
-                  last_lit + 1 + reach + longest(lags.front()) + tuning.spare_slices);
+  return std::max(target_layers, last_lit + 1 + reach + longest(end_lag) + tuning.spare_slices);
 }
 
 int inhibited_slices(const CureModel& model, int target_layers, int last_lit) {

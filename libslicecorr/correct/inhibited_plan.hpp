@@ -213,9 +213,10 @@ struct InhibitedPlan {
   bool merge_one_slice_gaps = false;
   /// Features get even light inside, not the least that gels (`Process::even_light`).
   bool even = false;
-  bool uniform = true;                         ///< one UV setting and one exposure for all slices
-  std::vector<int> lags;                       ///< slices; to be tried in this order
-  Promises promises;                           ///< where `uniform`
+  bool uniform = true;    ///< one UV setting and one exposure for all slices
+  std::vector<int> lags;  ///< slices; to be tried in this order
+  int end_lag = 1;        ///< slices; that for which there are slices after the end
+  Promises promises;      ///< where `uniform`
   std::vector<double> dark_node, dark_middle;  ///< dose that black slices alone leave, per layer
   std::vector<double> dark_far;  ///< the part of dark_node from slices `near` and more layers away
   double most_dark = 0;          ///< the greatest of dark_middle

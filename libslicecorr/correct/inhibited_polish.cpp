@@ -10,7 +10,7 @@ namespace slicecorr::detail {
 void ColumnPolish::descend(double dip_weight) {
   dip_weight_ = dip_weight;
   const InhibitedTuning& t = plan_.tuning;
-  const int farthest = design_.last_node + plan_.reach + plan_.lags.front() + t.spare_slices;
+  const int farthest = design_.last_node + plan_.reach + plan_.end_lag + t.spare_slices;
   const int end = std::min(farthest + 1, plan_.all_layers);
   for (int sweep = 0; sweep < t.polish_sweeps; ++sweep) {
     bool moved = false;

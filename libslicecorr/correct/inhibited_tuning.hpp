@@ -34,12 +34,17 @@ struct InhibitedTuning {
   // How levels are chosen for these demands.
 
   /// Lags to try, as shares of the distance at which the kernel has its peak, the likeliest first.
-  /// Short lags keep gaps sharp, long ones suit thin features. Columns that are right with one try
-  /// no other, so more of them cost time only in columns that are hard to draw.
+  /// Long ones suit most columns, layer by layer nearly all; short ones keep gaps sharp that are
+  /// thin. Columns that are right with one try no other, so more of them cost time only in columns
+  /// that are hard to draw.
   struct Fraction {
     int times, over;
   };
-  std::array<Fraction, 5> lag_shares{{{1, 2}, {1, 3}, {2, 3}, {1, 4}, {1, 1}}};
+  std::array<Fraction, 5> lag_shares{{{1, 1}, {2, 3}, {1, 2}, {1, 3}, {1, 4}}};
+  /// Lags in turn that bring nothing after which a column without a wrong voxel tries no other.
+  int lags_in_vain = 2;
+  /// The lag for which there are slices after the end of a part, as such a share.
+  Fraction end_lag_share{1, 2};
   /// Slices by which the last slice that a node may ask for lies beyond reach and lag together,
   /// since both are rounded to whole slices.
   int spare_slices = 2;

@@ -275,7 +275,10 @@ void InhibitedKernel::count_flow(const EvenLight& light, double full_mw_cm2) {
     ++least_even_level_;
   }
   for (int s = 0; s < settings(); ++s) {
-    for (int l = 0; l < levels(); ++l) flow_factor_.push_back(flow_factor_with(s, l, 1.0));
+    for (int l = 0; l < levels(); ++l) {
+      flow_factor_.push_back(flow_factor_with(s, l, 1.0));
+      rest_at_gap_.push_back(profile_->rest(gap_um_ - source(s, l).front_um));
+    }
   }
 }
 
@@ -321,9 +324,13 @@ double InhibitedKernel::rest_beyond(int setting, int level, double d_um, const B
   const auto flowing = [&]() __attribute__((noinline)) {
     const double at = back.times * profile_->rest(d - front);
     if (d_um >= gap_um_) return at;
-    const double at_gap = back.times * profile_->rest(gap_um_ + back.nearer_um - front);
-    const double often = back.nearer_um > 0 ? flow_factor_with(setting, level, back.blue)
-                                            : flow_factor(setting, level);
+    const bool sent_back = back.nearer_um > 0;
+    const double at_gap =
+        back.times * (sent_back
+                          ? profile_->rest(gap_um_ + back.nearer_um - front)
+                          : rest_at_gap_[static_cast<std::size_t>(setting * levels() + level)]);
+    const double often =
+        sent_back ? flow_factor_with(setting, level, back.blue) : flow_factor(setting, level);
     return at_gap + often * (at - at_gap);
   };
   return flowing();

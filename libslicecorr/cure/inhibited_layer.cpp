@@ -175,12 +175,12 @@ void InhibitedLayer::sample(double lower, double middle, double upper) {
   dose_[kSamples] = upper;
 }
 
-/// Where between two places the dose has its least (or greatest) value, by parabolas: there must be
+/// Where between two points the dose has its least (or greatest) value, by parabolas: there must be
 /// no kink between them.
-double InhibitedLayer::turn(double from, double to, bool least) const {
+InhibitedLayer::Point InhibitedLayer::turn(const Point& from, const Point& to, bool least) const {
   const double sign = least ? 1.0 : -1.0;
-  double x[3] = {from, 0.5 * (from + to), to};
-  double y[3] = {sign * at(x[0]), sign * at(x[1]), sign * at(x[2])};
+  double x[3] = {from.t, 0.5 * (from.t + to.t), to.t};
+  double y[3] = {sign * from.dose, sign * at(x[1]), sign * to.dose};
   for (int step = 0; step < 5; ++step) {
     const double left = (y[1] - y[0]) / (x[1] - x[0]), right = (y[2] - y[1]) / (x[2] - x[1]);
     if (!(right > left)) break;
@@ -202,7 +202,8 @@ double InhibitedLayer::turn(double from, double to, bool least) const {
       y[place] = dose;
     }
   }
-  return x[std::min_element(y, y + 3) - y];
+  const auto found = std::min_element(y, y + 3) - y;
+  return {x[found], sign * y[found]};
 }
 
 double InhibitedLayer::crossing(double low, double high, bool rises) const {
@@ -416,13 +417,13 @@ void InhibitedLayer::find(double known, InsideLayer& out) {
       const bool peaks = alike && !printed && high >= 1.0;
       double split = -1;
       if (dips) {
-        const double t = turn(from, to, true), dose = at(t);
-        out.least = std::min(out.least, dose);
-        if (alike && printed && dose < 1.0) split = t;
+        const Point dip = turn(points_[c], points_[c + 1], true);
+        out.least = std::min(out.least, dip.dose);
+        if (alike && printed && dip.dose < 1.0) split = dip.t;
       }
       if (peaks) {
-        const double t = turn(from, to, false);
-        if (at(t) >= 1.0) split = t;
+        const Point peak = turn(points_[c], points_[c + 1], false);
+        if (peak.dose >= 1.0) split = peak.t;
       }
       if (split >= 0) {
         out.crossings.push_back(crossing(from, split, !printed));

@@ -91,7 +91,7 @@ class InhibitedLayer {
   double at_own_place(double t) const;
   bool mark_cells(double known);
   void take_points();
-  double turn(double from, double to, bool least) const;
+  Point turn(const Point& from, const Point& to, bool least) const;
   double crossing(double low, double high, bool rises) const;
 
   const InhibitedKernel& kernel_;

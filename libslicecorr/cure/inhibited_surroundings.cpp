@@ -132,8 +132,10 @@ void InhibitedKernel::surround(const Printer& printer, const Process& process) {
     if (!setting_share_.empty()) setting_share_.push_back(setting_share_[from]);
     for (int l = 0; l < levels(); ++l) {
       sources_.push_back(source(uv, l));
-      if (!flow_factor_.empty())
+      if (!flow_factor_.empty()) {
         flow_factor_.push_back(flow_factor_[static_cast<std::size_t>(uv * levels() + l)]);
+        rest_at_gap_.push_back(rest_at_gap_[static_cast<std::size_t>(uv * levels() + l)]);
+      }
       if (!pulses_.empty()) pulses_.push_back(pulses_[static_cast<std::size_t>(uv * levels() + l)]);
     }
     if (table_bytes() > kMostTableBytes) {

@@ -490,13 +490,15 @@ Correction correct_stack(const SliceSource& target, const Setup& setup, const St
   check_file_times(file, planned);
   const SlicesAlone alone(target);
   const SliceSource& wanted = for_file.process.surface == Surface::mesh ? target : alone;
+  std::optional<PrintSuction> suction;
   if (judges_suction(for_file)) {
     plan_correction(wanted, for_file, context);  // what does not fit is refused first
-    judge_suction(target, for_file, context);
+    suction = judge_suction(target, for_file, context);
   }
   StackCorrection correction(wanted, for_file, file, ask, context);
   correction.correct_bands();
   Correction result = correction.result();
+  result.after.suction = std::move(suction);
   correction.tell_shortcomings(result.after);
   if (result.after.bodies) detail::judge_bodies(*result.after.bodies, for_file, context);
   if (ask.before_writing) ask.before_writing(result);

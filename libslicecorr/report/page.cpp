@@ -420,8 +420,9 @@ ReportContent gather_report(const SliceSource& stack, const SliceSource& target,
   for (const RegionDose& r : after.regions)
     c.most_wanted = std::max(c.most_wanted, r.greatest_wanted);
   const PixelBox box = target.bounds();
-  c.suction = print_suction(target, setup.printer, setup.resin, setup.process, setup.gap_um,
-                            detail::silent(context));
+  c.suction = after.suction ? after.suction
+                            : print_suction(target, setup.printer, setup.resin, setup.process,
+                                            setup.gap_um, detail::silent(context));
   const AsSliced uncorrected(target);
   // One section at a time: those of long prints on wide displays are large.
   const auto add_section = [&](int y) {

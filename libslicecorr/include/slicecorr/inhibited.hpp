@@ -298,10 +298,12 @@ class InhibitedKernel {
   int least_even_level_ = 0;
   double least_even_mw_cm2_ = 0, greatest_even_mw_cm2_ = 0;  ///< even light, of the usual light
   std::vector<double> flow_factor_;  ///< [setting * levels + level]; empty: all 1
-  double depth_um_ = 0;              ///< of the resin; 0: without end
-  std::vector<double> blue_share_;   ///< by setting; empty: all 1
-  LayerHeights heights_{};           ///< alike: all are layer_um_
-  double reflectance_ = 0;           ///< of the platform; 0: what comes back is nothing
+  std::vector<double>
+      rest_at_gap_;      ///< the same: of its light, what comes beyond the gap of the even light
+  double depth_um_ = 0;  ///< of the resin; 0: without end
+  std::vector<double> blue_share_;  ///< by setting; empty: all 1
+  LayerHeights heights_{};          ///< alike: all are layer_um_
+  double reflectance_ = 0;          ///< of the platform; 0: what comes back is nothing
   /// By setting: a slice with the layers above it that the setting has; -1: any, they are alike. Empty: all -1.
   std::vector<int> slice_of_setting_;
   std::vector<std::vector<double>>

@@ -47,6 +47,7 @@
 #include "slicecorr/dead_zone.hpp"
 #include "slicecorr/dose.hpp"
 #include "slicecorr/flow_doses.hpp"
+#include "slicecorr/flow_suction.hpp"
 #include "slicecorr/layer_areas.hpp"
 #include "slicecorr/layer_heights.hpp"
 #include "slicecorr/orientation.hpp"
@@ -225,6 +226,8 @@ struct Prediction {
   std::optional<JointFigures> joints;  ///< with lifts
   /// Where light was made for an even dead zone: doses in resin that flows; as `dead_zones`.
   std::optional<FlowDoses> flow;
+  /// How hard the part pulls at window and vat, where it was judged with the correction.
+  std::optional<PrintSuction> suction;
   std::optional<DeadZones> dead_zones;  ///< under UV light; not merged, set for whole stacks
   Histogram grey_dose_error;            ///< absolute difference of mid-layer dose and coverage
   /// Least and greatest dose at mid-layer in layers of coverage 1, the greatest in those of

@@ -14,6 +14,7 @@
 #include <utility>
 #include <vector>
 
+#include "slicecorr/flow_suction.hpp"
 #include "slicecorr/parallel.hpp"
 #include "slicecorr/process.hpp"
 #include "slicecorr/settings.hpp"
@@ -119,9 +120,9 @@ void check_uncertain(const Setup& setup);
 /// Looks at how hard `target` pulls at window and vat (`print_suction` in flow_suction.hpp) where the
 /// resin says its viscosity and the print is continuous: tells it in a line, and throws
 /// `InfeasibleError`, naming slice, place and the speed that works, where the printer says what it
-/// bears and that is less. `correct_stack` does so before it corrects.
-void judge_suction(const SliceSource& target, const Setup& setup,
-                   const ExecutionContext& context = {});
+/// bears and that is less. `correct_stack` does so before it corrects. Returns what it found.
+std::optional<PrintSuction> judge_suction(const SliceSource& target, const Setup& setup,
+                                          const ExecutionContext& context = {});
 /// Whether there is something to look at.
 bool judges_suction(const Setup& setup);
 

@@ -11,6 +11,7 @@
 #include <cmath>
 #include <random>
 
+#include "custom_resin.hpp"
 #include "models.hpp"
 #include "rounds.hpp"
 #include "slicecorr/correct.hpp"
@@ -278,6 +279,19 @@ TEST(InhibitedCorrection, LadderPrintsAsDesigned) {
       EXPECT_LE(high - low, 4) << layer_um << " " << m;
       EXPECT_GT(low, 0);
     }
+  }
+}
+
+TEST(InhibitedCorrection, LightSettlesLayerByLayer) {
+  for (const double exposure_s : {2.0, 3.0, 5.0, 8.0}) {
+    Process process = uv_process(1000, 200);
+    process.mode = ExposureMode::layerwise;
+    process.exposure_s = exposure_s;
+    const CureModel model = model_of(test::custom_resin_1(5), process, 50);
+    const Judged j = judge(model, process, test::column(90, {{11, 40}, {60, 80}}));
+    const auto [low, high] = std::minmax_element(j.levels.begin() + 20, j.levels.begin() + 32);
+    EXPECT_LE(*high - *low, 4) << exposure_s;
+    EXPECT_GT(*low, 0) << exposure_s;
   }
 }
 

@@ -233,7 +233,8 @@ double InhibitedPlan::ripple() const {
 
 void InhibitedPlan::find_lags() {
   peak = node_light.peak(kernel->strongest_setting(), steady);
-  for (const InhibitedTuning::Fraction& share : tuning.lag_shares) {
+  for (const InhibitedTuning::Fraction& share :
+       kernel->layer_by_layer() ? tuning.layerwise_lag_shares : tuning.lag_shares) {
     const int lag = lag_of(share, peak);
     if (std::find(lags.begin(), lags.end(), lag) == lags.end()) lags.push_back(lag);
   }

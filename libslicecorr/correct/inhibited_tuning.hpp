@@ -34,13 +34,16 @@ struct InhibitedTuning {
   // How levels are chosen for these demands.
 
   /// Lags to try, as shares of the distance at which the kernel has its peak, the likeliest first.
-  /// Long ones suit most columns, layer by layer nearly all; short ones keep gaps sharp that are
-  /// thin. Columns that are right with one try no other, so more of them cost time only in columns
-  /// that are hard to draw.
+  /// Short lags keep gaps sharp, long ones suit thin features. Columns that are right with one try
+  /// no other, so more of them cost time only in columns that are hard to draw. In continuous
+  /// exposure light swings inside features with the longest lag at great speeds.
   struct Fraction {
     int times, over;
   };
-  std::array<Fraction, 5> lag_shares{{{1, 1}, {2, 3}, {1, 2}, {1, 3}, {1, 4}}};
+  using LagShares = std::array<Fraction, 5>;
+  LagShares lag_shares{{{1, 2}, {2, 3}, {1, 1}, {1, 3}, {1, 4}}};
+  /// The same layer by layer, where the longest one suits nearly all columns.
+  LagShares layerwise_lag_shares{{{1, 1}, {2, 3}, {1, 2}, {1, 3}, {1, 4}}};
   /// Lags in turn that bring nothing after which a column without a wrong voxel tries no other.
   int lags_in_vain = 2;
   /// The lag for which there are slices after the end of a part, as such a share.

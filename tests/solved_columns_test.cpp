@@ -180,7 +180,7 @@ class PlainDescent {
       : plan_(plan), design_(design), doses_(doses), weight_(weight) {}
   void descend() {
     const InhibitedTuning& t = plan_.tuning;
-    const int farthest = design_.last_node + plan_.reach + plan_.lags.front() + t.spare_slices;
+    const int farthest = design_.last_node + plan_.reach + plan_.end_lag + t.spare_slices;
     for (int sweep = 0; sweep < t.polish_sweeps; ++sweep) {
       bool moved = false;
       for (int n = std::min(farthest + 1, plan_.all_layers); n-- > 0;) moved = improve(n) || moved;

@@ -37,7 +37,7 @@ struct InhibitedColumn::Impl {
   Outcome try_lags();
   Outcome try_lags_and_aim();
   bool aim_edges();
-  std::size_t try_one_lag_for_all(std::size_t first);
+  void try_one_lag_for_all();
   void try_a_lag_for_each();
   void raise_demands();
   bool raise_around_dips(double times, bool edges_too);
@@ -119,24 +119,22 @@ bool InhibitedColumn::Impl::aim_edges() {
   return any;
 }
 
-/// Tries the lags from the `first` on, the same for all features, until one does or more of them would
-/// win nothing. Returns the first that was not tried.
-std::size_t InhibitedColumn::Impl::try_one_lag_for_all(std::size_t first) {
+/// Tries lags, the same for all features, until one does or more of them would win nothing.
+void InhibitedColumn::Impl::try_one_lag_for_all() {
+  lags.assign(design.features.size(), plan.lags.front());
   int in_vain = 0;
-  for (std::size_t i = first; i < plan.lags.size(); ++i) {
-    const int lag = plan.lags[i];
+  for (const int lag : plan.lags) {
     for (ColumnDesign::Feature& f : design.features) f.lag = lag;
     const Outcome outcome = try_lags_and_aim();
     if (outcome.better) {
       perfect = outcome.perfect;
-      lags.assign(design.features.size(), lag);
+      lags.assign(lags.size(), lag);
       in_vain = 0;
-      if (perfect) return i + 1;
-    } else if (++in_vain == plan.tuning.lags_in_vain && wrong_voxels == 0) {
-      return i + 1;
+    } else {
+      ++in_vain;
     }
+    if (perfect || (in_vain >= plan.tuning.lags_in_vain && wrong_voxels == 0)) return;
   }
-  return plan.lags.size();
 }
 
 void InhibitedColumn::Impl::try_a_lag_for_each() {
@@ -247,9 +245,7 @@ void InhibitedColumn::Impl::search(const std::vector<CoverageRun>& runs) {
       least_um = std::numeric_limits<double>::infinity();
     }
   }
-  lags.assign(design.features.size(), plan.lags.front());
-  const std::vector<double> demand = design.demand;
-  std::size_t next = try_one_lag_for_all(0);
+  try_one_lag_for_all();
   // Lags of their own help features without room; of heights they mend little.
   const bool fits = perfect || (design.has_heights && wrong_voxels == 0);
   // Of even light edges alone are no reason to leave what was planned.
@@ -259,13 +255,6 @@ void InhibitedColumn::Impl::search(const std::vector<CoverageRun>& runs) {
   }
   raise_demands();
   if (!perfect || !best_dips.empty()) polish_best();
-  // Features that come apart with the likeliest lags may hold with another.
-  while (!best_dips.empty() && next < plan.lags.size()) {
-    design.demand = demand;
-    next = try_one_lag_for_all(next);
-    raise_demands();
-    polish_best();
-  }
 }
 
 namespace {
